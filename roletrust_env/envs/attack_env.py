@@ -56,7 +56,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     float32)` holds 15 features of each provider, feature by feature, and the action has a lie about
     each provider if the coalition rates, then a quality for each provider if it provides. With
     `observation="accounts"` it also observes its providers' accounts of the raters, and decides on
-    silence and treatment. See `roletrust_env.game.coalition.Coalition`.
+    silence and treatment, and on claims where reports are open. See
+    `roletrust_env.game.coalition.Coalition`.
 
     ## Rewards
 

@@ -193,8 +193,7 @@ def fitted(actions: Actions, state: State) -> Actions:
             )
         if name in _IN_RANGE and isinstance(part, np.ndarray):  # others may be compiling
             check_within(name, part)
-    usual = actions.treatment is None and actions.claims is None
-    if usual and actions.quality.dtype == actions.ratings.dtype == dtype:
+    if actions.quality.dtype == actions.ratings.dtype == dtype and actions.treatment is None:
         return actions
     return actions._replace(
         **{

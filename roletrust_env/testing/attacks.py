@@ -16,7 +16,7 @@ from roletrust_env.game.rollout import Round, rollout
 from roletrust_env.parameters import truth_value
 from roletrust_env.trees import arrays
 from roletrust_env.world.group import AgentGroup
-from roletrust_env.world.scenario import Choice, Scenario
+from roletrust_env.world.scenario import Choice, RatingDelivery, Scenario
 
 _RATERS, _PROVIDERS = ("sr_0", "srsp_0"), ("sp_0", "srsp_0")
 _SEATS: dict[Channel, tuple[str, ...]] = {
@@ -149,7 +149,10 @@ def check_attack_rounds(attack: Policy, like: Array) -> None:
             attack,
             "it writes to its memory; return a new memory in place of the old one",
         )
-        for name, chosen in (("quality", actions.quality), ("ratings", actions.ratings)):
+        for name in ("quality", "ratings", "claims"):
+            chosen = getattr(actions, name)
+            if chosen is None:
+                continue
             fault = (
                 f"its {name} are {chosen.dtype} in a game of {like.dtype}; compute them from "
                 "the view"
@@ -197,10 +200,12 @@ def _game(attack: Policy, like: Array) -> Game:
     if attack.reserve or "presence" in attack.attacks:
         reserve = max(1, attack.reserve)
         groups = tuple(group.model_copy(update={"reserve": reserve}) for group in groups)
+    claims = type(attack).claims is not Policy.claims
     scenario = Scenario(
         agents=groups,
         values=(1.0, 5.0),
         access=Choice(providers=3, temperature=0.2),
+        ratings=RatingDelivery(open=4 if claims else None),
         max_cycles=_rounds(attack),
     )
     return Game(scenario, "role-trust", like)

@@ -6,7 +6,7 @@ import pytest
 from refusals import refuses
 
 import roletrust_env
-from roletrust_baselines import BadMouthing, RandomRating
+from roletrust_baselines import BadMouthing, RandomRating, Silent
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.game.game import Game
 from roletrust_env.game.make_task import make_task
@@ -108,10 +108,35 @@ def test_every_model_is_equal_to_numpy(model, double):
         np.testing.assert_allclose(one, other, atol=1e-12)
 
 
-@pytest.mark.parametrize("task_id", TASKS)
-def test_tasks_are_equal_to_numpy(task_id, double):
-    env, key, rng = AttackJaxEnv(task_id, max_cycles=4), jax.random.key(1), np.random.default_rng(1)
-    task = make_task(**{**TASKS[task_id].defaults, "max_cycles": 4, "like": np.zeros(())})
+MARKET = {
+    "agents": [{"role": "SR", "count": 4, "noise": 0.1}, {"role": "SP", "count": 5}],
+    "access": {"kind": "choice", "providers": 2, "by": "own", "explore": 0.3},
+}
+REPORTS = [
+    {
+        "scenario": roletrust_env.Scenario(**MARKET, ratings=ratings),
+        "compromised": ["sr_3", "sp_4"],
+        "observation": "accounts",
+        "others": {"sr_0": BadMouthing(level=0.1), "sr_1": Silent()},
+    }
+    for ratings in ({"deadline": 3, "lost": 0.2}, {"open": 3, "deadline": 2, "late": 0.3})
+]
+
+
+@pytest.mark.parametrize(
+    ("task_id", "fields"),
+    [
+        *((task_id, {}) for task_id in TASKS),
+        *(("RoleTrust/CollusionAttack-v0", fields) for fields in REPORTS),
+    ],
+)
+def test_tasks_are_equal_to_numpy(task_id, fields, double):
+    env, key, rng = (
+        AttackJaxEnv(task_id, max_cycles=4, **fields),
+        jax.random.key(1),
+        np.random.default_rng(1),
+    )
+    task = make_task(**{**TASKS[task_id].defaults, **fields, "max_cycles": 4, "like": np.zeros(())})
     random, step = task.game.random(0), jax.jit(env.step_env)
     seen, theirs = jax.jit(env.reset)(key)
     ours = task.start(task.game.noise(words(key), start=True), random)

@@ -65,6 +65,7 @@ ACCESS = {
     "exploring": {"kind": "choice", "by": "own", "explore": 0.4},
     "encounters": {"kind": "encounters", "providers": 3},
 }
+OPEN = {"lost": 0.2, "late": 0.3, "delay": 3, "deadline": 2, "open": 2}
 EVERY_ACCESS = pytest.mark.parametrize("access", ACCESS.values(), ids=ACCESS)
 
 shares = st.sampled_from([0.0, 0.3, 1.0])
@@ -123,7 +124,13 @@ def scenarios(draw: st.DrawFn) -> Scenario:
         "access": draw(
             st.sampled_from([ACCESS["everyone"], ACCESS["in-range"]]) | choices | encounters
         ),
-        "ratings": {"lost": draw(shares), "late": draw(shares), "delay": draw(st.integers(1, 9))},
+        "ratings": {
+            "lost": draw(shares),
+            "late": draw(shares),
+            "delay": draw(st.integers(1, 9)),
+            "deadline": draw(st.sampled_from([1, 1, 2, 4])),
+            "open": draw(st.sampled_from([None, None, 1, 2, 9])),
+        },
         "perturbations": draw(st.sampled_from([[], [{"start": 1, "stop": 3, "strength": 0.5}]])),
         "values": draw(st.lists(st.sampled_from([0.5, 1.0, 7.0]), min_size=1, max_size=3)),
         "admission": draw(
@@ -184,7 +191,7 @@ def luck(
 
     start = game.draw(source, batch, start=True)
     rounds = range(game.scenario.max_cycles)
-    actions = [Actions(notes(p), notes(s, p), wanted(), kept(), shares()) for _ in rounds]
+    actions = [Actions(notes(p), notes(s, p), wanted(), kept(), shares(), shares()) for _ in rounds]
     return start, actions, [game.draw(source, batch) for _ in rounds]
 
 

@@ -35,6 +35,7 @@ class Slow:
         self.last, self.rated_in = {}, {}
         self.awaiting, self.service, self.quality = set(), {}, dict.fromkeys(self.providers, 0.0)
         self.late, self.arrived = [], {}  # late: (round, pair, rating)
+        self.received = {}  # by pair, the newest service without a rating: (round, quality)
         self.n_rated, self.n_provided = dict.fromkeys(self.both, 0), dict.fromkeys(self.both, 0)
         self.phase, self.low = dict.fromkeys(self.names, WAITING), dict.fromkeys(self.names, 0)
         self.come_and_go(0, noise, None)
@@ -103,7 +104,7 @@ class Slow:
         return role in turns[self.round // group.turn_length % len(turns)].split("+")
 
     def step(self, actions: Actions, noise: Noise) -> dict[str, float]:
-        self.deliver(actions.ratings, actions.withheld, noise)
+        self.deliver(actions.ratings, self.sent(actions, noise), noise)
         self.update_trust()
         before = dict(self.phase)
         if self.rules.admission is not None:
@@ -117,18 +118,43 @@ class Slow:
             self.move(noise)
         acting = {k for k in self.names if before[k] == self.phase[k] == PRESENT}
         self.serve(actions.quality, actions.treatment, acting, noise)
+        self.received |= {pair: (self.round, service) for pair, service in self.service.items()}
+        for pair, (round, _) in [*self.received.items()]:
+            overdue = self.round - round >= self.rules.ratings.deadline
+            if overdue or any(self.phase[k] != PRESENT for k in pair):
+                del self.received[pair]
         rewards = self.rewards()
         self.value = self.value if noise.value is None else self.draw_values(noise)
         self.round += 1
         return rewards
 
-    def deliver(self, ratings: np.ndarray, withheld: np.ndarray | None, noise: Noise) -> None:
+    def sent(self, actions: Actions, noise: Noise) -> set[tuple[str, str]]:
+        """Pairs whose rating is sent: services first, then the largest claims."""
+        sent, number = set(), self.rules.ratings.open
+        for s, i in enumerate(self.raters):
+            reports, claims = [], []
+            for p, j in enumerate(self.providers):
+                luck = 0.0 if number is None else noise.claim[s, p]
+                claim = 0.0 if actions.claims is None else actions.claims[s, p]
+                here = self.phase[i] == self.phase[j] == PRESENT
+                if actions.withheld is not None and actions.withheld[s, p]:
+                    continue
+                if (i, j) in self.received:
+                    reports.append((luck, (i, j)))
+                elif number is not None and claim > 0 and i != j and here:
+                    claims.append((claim + 1e-5 * luck, (i, j)))
+            chosen = sorted(reports, reverse=True) + sorted(claims, reverse=True)
+            sent |= {pair for _, pair in chosen[:number]}
+        for pair in sent:
+            self.received.pop(pair, None)
+        return sent
+
+    def deliver(self, ratings: np.ndarray, sent: set[tuple[str, str]], noise: Noise) -> None:
         channel = self.rules.ratings
         self.arrived = {pair: rating for due, pair, rating in self.late if due == self.round}
         for s, i in enumerate(self.raters):
             for p, j in enumerate(self.providers):
-                sent = (i, j) in self.awaiting and not (withheld is not None and withheld[s, p])
-                if not sent or (channel.lost > 0 and noise.lost[s, p] < channel.lost):
+                if (i, j) not in sent or (channel.lost > 0 and noise.lost[s, p] < channel.lost):
                     continue
                 if channel.late > 0 and noise.late[s, p] < channel.late:
                     self.late.append((self.round + channel.delay, (i, j), ratings[s, p]))
@@ -259,6 +285,12 @@ class Slow:
             "awaiting": cells(dict.fromkeys(self.awaiting, True), False),
             "value": np.array(list(self.value.values())) / max(self.rules.values),
         }
+        if self.rules.ratings.deadline > 1:
+            last, due = self.round - 1, {}
+            for pair, (round, service) in self.received.items():
+                if round < last:
+                    due[pair] = service, round + self.rules.ratings.deadline - last
+            fields["due"] = np.array([cells({c: due[c][n] for c in due}) for n in range(2)])
         if self.both:
             fields["counts"] = np.array(
                 [list(self.n_rated.values()), list(self.n_provided.values())]

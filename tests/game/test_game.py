@@ -10,6 +10,7 @@ import torch
 from game_cases import (
     ACCESS,
     EVERY_ACCESS,
+    OPEN,
     TOLERANCE,
     assert_close,
     busy,
@@ -62,6 +63,7 @@ def assert_matches_reference(scenario: Scenario, seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_busy_game_matches_the_reference(access: dict, seed: int) -> None:
     assert_matches_reference(busy(access=access), seed)
+    assert_matches_reference(busy(access=access, ratings=OPEN), seed)
 
 
 @given(scenarios(), st.integers(0, 99))
@@ -205,7 +207,7 @@ def test_permuting_agents_of_a_group_permutes_results(
 
     def shuffle(noise: Noise) -> Noise:
         cell_axes = cells, cells, cells, i if chance else cells
-        axes = Noise(*cell_axes, order, j, order, order, j, i, i, i)
+        axes = Noise(*cell_axes, order, j, order, order, j, i, i, i, cells)
         return Noise(*(None if a is None else a[axis] for a, axis in zip(noise, axes, strict=True)))
 
     permuted = play(
@@ -217,6 +219,7 @@ def test_permuting_agents_of_a_group_permutes_results(
                 a.ratings[cells],
                 withheld=None if a.withheld is None else a.withheld[cells],
                 treatment=None if a.treatment is None else a.treatment[cells],
+                claims=None if a.claims is None else a.claims[cells],
             )
             for a in actions
         ],

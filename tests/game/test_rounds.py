@@ -4,7 +4,7 @@ refused."""
 import numpy as np
 import pytest
 import torch
-from game_cases import ACCESS, assert_close, busy, each, luck, play
+from game_cases import ACCESS, OPEN, assert_close, busy, each, luck, play
 from refusals import refuses
 
 from roletrust_env import Actions, Game, Random, Scenario, make_scenario
@@ -24,6 +24,7 @@ PLAIN = Scenario(agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
             pytest.param("aot_eager", busy(access=access, max_cycles=3), id=f"aot_eager-{name}")
             for name, access in ACCESS.items()
         ),
+        pytest.param("aot_eager", busy(ratings=OPEN, max_cycles=5), id="aot_eager-open"),
     ],
 )
 @pytest.mark.filterwarnings("ignore")

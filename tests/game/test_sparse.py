@@ -88,7 +88,7 @@ def side_by_side(
     grid, sparse = Game(scenario, model), SparseGame(scenario, model)
     everyone = Game(scenario.change(access={"kind": "everyone"}), model) if full else grid
     start, actions, noises = luck(grid, seed)
-    actions = [action._replace(treatment=None) for action in actions]
+    actions = [action._replace(treatment=None, claims=None) for action in actions]
     dense, state = (
         everyone.start(start),
         sparse.start(start._replace(perception=np.zeros(sparse_shape(sparse)))),
@@ -320,6 +320,8 @@ def test_no_array_of_all_pairs_is_made() -> None:
         ),
         ({"access": ACCESS["in-range"]}, "mean", ("in-range", "encounters")),
         ({"ratings": {"late": 0.1}}, "mean", ("ratings.late", "0.1")),
+        ({"ratings": {"open": 7}}, "mean", ("ratings.open", 7)),
+        ({"ratings": {"deadline": 8}}, "mean", ("ratings.deadline", 8)),
         ({"service": "hog"}, "mean", ("service", "hog")),
         ({}, "travos", ("Travos",)),
         ({}, "nobody", ("nobody",)),
