@@ -239,6 +239,14 @@ def test_what_it_refuses(changes, words):
         FROM_RANDOM.search(arguments(**changes), Budget(239), 0)
 
 
+def test_a_wide_one_refuses_open_reports():
+    opened = arguments(ratings={"open": 7})
+    with refuses(UnsuitableError, "ratings.open", 7):
+        FROM_RANDOM.search(opened, Budget(1000), 0)
+    narrow = CoalitionPpo(start="random", n_epochs=1, wide=False)
+    assert narrow.search(opened, Budget(1000), 0).rounds <= 1000
+
+
 @pytest.mark.slow
 def test_it_learns_within_few_games():
     found = (
