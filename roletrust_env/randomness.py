@@ -13,7 +13,7 @@ from roletrust_env.parameters import whole_number
 
 Keys = npt.NDArray[np.uint32]
 
-STREAMS = 15
+STREAMS = 17
 """Number of random streams, each with its own key. Two of them, `POLICIES` and `LENGTHS`, are not
 part of the noise."""
 

@@ -115,7 +115,7 @@ class WorldRow(NamedTuple):
         noise: Noise of the raters' perception.
         bias: Bias of raters.
         scale: Scale of raters.
-        ability: Ability of providers.
+        ability: Ability of providers, with its drift and switch if it changes.
         access: Which providers serve a rater.
         rounds: Length of a game, the longest.
         continuation: Probability that it goes on after a round.
@@ -142,6 +142,11 @@ class WorldRow(NamedTuple):
             field: _text(getattr(rater, field) for rater in raters)
             for field in ("noise", "bias", "scale")
         }
+        changes = [
+            f"{field} {_text(getattr(group, field) for group in providers)}"
+            for field in ("drift", "switch")
+            if any(getattr(group, field) for group in providers)
+        ]
         changed = world.access.model_dump(exclude_defaults=True)
         access = ", ".join(f"{field}={value}" for field, value in changed.items())
         return cls(
@@ -150,7 +155,7 @@ class WorldRow(NamedTuple):
             sum(group.count for group in providers),
             world.ratings.lost,
             **own,
-            ability=_text(group.ability for group in providers),
+            ability=", ".join([_text(group.ability for group in providers), *changes]),
             access=f"{world.access.kind} {access}".rstrip(),
             rounds=world.max_cycles,
             continuation=world.continuation,

@@ -398,7 +398,7 @@ class Game(Frozen):
             population=population,
             motion=motion,
             transit=transit,
-            properties=state.properties,
+            properties=self._property_sampler.step(state.properties, noise.drift, noise.switch),
             met=met,
             due=None
             if state.due is None

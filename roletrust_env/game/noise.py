@@ -75,6 +75,10 @@ class NoiseSource:
             "scale": (counter_rng.uniform, (s,)) if varies(roster, "scale") else None,
             "explore": explore,
             "claim": (counter_rng.uniform, (s, p)) if scenario.ratings.open is not None else None,
+            "drift": (counter_rng.normal, (p,)) if any(g.drift for g in scenario.agents) else None,
+            "switch": (counter_rng.uniform, (p,))
+            if any(g.switch for g in scenario.agents)
+            else None,
         }
         self._fields = {name: kind for name, kind in fields.items() if kind is not None}
         self.starts = any(name in self._fields for name in _OF_THE_START)

@@ -85,7 +85,7 @@ class State(NamedTuple):
         population: Presence of the agents; None where it never changes.
         motion: Positions and waypoints of the agents, if they move.
         transit: Ratings that are late; None where none can be.
-        properties: Properties in which agents differ.
+        properties: Properties in which agents differ; the abilities are those of the next services.
         met: Index of the provider of each cell of `service` and `awaiting`, shape (S, K), in a
             `SparseGame`, whose cells are (S, K) in place of (S, P, ...); None elsewhere.
         due: Services of earlier rounds that can still be rated; None where the deadline is 1.
@@ -119,13 +119,13 @@ class State(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """The noise of one round: uniform in [0, 1), except `perception`, which is standard normal.
-    None where unused.
+    """The noise of one round: uniform in [0, 1), except `perception` and `drift`, which are
+    standard normal. None where unused.
 
     Shapes: `perception`, `lost`, `late` (S, P, ...), in a `SparseGame` (S, K); `claim` (S, P, ...);
     `choice` (S, P, ...), for encounters with k providers (S, k, ...); `explore` (S, ...);
-    `presence` (N, ...); `value` (P, ...); `goal` (N, 2, ...); and at the start only `position` (N,
-    2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
+    `presence` (N, ...); `value`, `drift`, `switch` (P, ...); `goal` (N, 2, ...); and at the start
+    only `position` (N, 2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
     """
 
     perception: PerPair
@@ -141,6 +141,8 @@ class Noise(NamedTuple):
     scale: PerRater | None = None
     explore: PerRater | None = None
     claim: PerPair | None = None
+    drift: PerProvider | None = None
+    switch: PerProvider | None = None
 
     def __repr__(self) -> str:
         return shapes(self)

@@ -117,7 +117,7 @@ def skill_score(bought: Bought) -> Annotated[Floats, Shape("G")]:
 
 def received(
     history: History,
-    ability: Annotated[Floats, Shape("P ...")],
+    ability: Annotated[Floats, Shape("P ...")] | Annotated[Floats, Shape("T P ...")],
     consumers: Sequence[int],
     honest: Sequence[int],
     *,
@@ -129,7 +129,8 @@ def received(
 
     Args:
         history: Record of the games, in which raters choose providers, see `Choice`.
-        ability: Ability of each provider in [0, 1], shape (P, ...).
+        ability: Ability of each provider in [0, 1], shape (P, ...); or in each round, shape (T, P,
+            ...), from `Round.before` where abilities change.
         consumers: Indices of the honest raters.
         honest: Indices of the honest providers.
         providers: Number of services that a consumer chooses in a round.
@@ -137,10 +138,10 @@ def received(
             alike.
     """
     served, offered = np.asarray(history.served), np.asarray(history.offered, np.float64)
-    able = np.broadcast_to(ability, served.shape[2:])
+    able = np.broadcast_to(ability, served.shape[:1] + served.shape[2:])
     rounds = [
-        receive(*each, able, consumers, honest, providers)
-        for each in zip(served, offered, strict=True)
+        receive(*each, consumers, honest, providers)
+        for each in zip(served, offered, able, strict=True)
     ]
     return Bought(
         *(in_rounds(np.stack(part), weights).sum(axis=0) for part in zip(*rounds, strict=True))

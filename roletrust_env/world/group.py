@@ -76,8 +76,8 @@ Role = Literal["SR", "SP", "SR+SP"]
 class AgentGroup(FrozenModel):
     """Agents with the same role and the same parameters.
 
-    A parameter with a range is drawn uniformly for each agent and each game, and does not change
-    during the game.
+    A parameter with a range is drawn uniformly for each agent and each game. During the game it
+    does not change, except an ability with `drift` or `switch`.
     """
 
     role: Role
@@ -106,6 +106,11 @@ class AgentGroup(FrozenModel):
     ability: ShareOrRange = 1.0
     """Share of the chosen quality that a provider delivers: a number, or a range (low, high) from
     which it is drawn."""
+    drift: Amount = 0.0
+    """Standard deviation of the change of a provider's ability per round, a random walk that is
+    reflected at both ends of the range `ability`."""
+    switch: Share = 0.0
+    """Probability per round that a provider's ability is drawn again from the range `ability`."""
     bias: BiasOrRange = 0.0
     """Number that a rater adds to the quality (synthetic service only), or a range (low, high)."""
     scale: ScaleOrRange = 1.0
@@ -123,6 +128,12 @@ class AgentGroup(FrozenModel):
         if self.ability != 1 and self.role == "SR":
             raise ValueError(
                 f"ability is {self.ability}; it is for agents that provide, not for the role 'SR'"
+            )
+        changes = self.drift > 0 or self.switch > 0
+        if changes and (self.role == "SR" or not isinstance(self.ability, tuple)):
+            raise ValueError(
+                f"drift is {self.drift} and switch {self.switch}; they need a provider with a "
+                f"range of ability, got role {self.role!r} and ability {self.ability}"
             )
         if self.subjective and self.role == "SP":
             raise ValueError(

@@ -1,8 +1,8 @@
-"""Differences between agents that last for a whole game: the ability of providers, and the
-perception of raters.
+"""Differences between agents: the ability of providers, which may change from round to round, and
+the perception of raters, which lasts for a whole game.
 """
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -40,7 +40,7 @@ class AgentProperties(NamedTuple):
 
 
 class AgentPropertySampler:
-    """Draws the properties of the agents of a scenario at the start of a game.
+    """Draws the properties of the agents of a scenario, and changes them from round to round.
 
     Args:
         roster: Agents and their groups, which give the ranges of the properties.
@@ -48,19 +48,21 @@ class AgentPropertySampler:
     """
 
     def __init__(self, roster: Roster, like: Array) -> None:
+        def constant(values: Any) -> Array:
+            return namespace(like).asarray(values, dtype=like.dtype, device=like.device)
+
         def bounds(name: Property) -> tuple[Array, Array]:
             low, high = _ranges(roster, name).T
             axis = roster.providers if name == "ability" else roster.raters
-            low, width = (
-                namespace(like).asarray(axis(x), dtype=like.dtype, device=like.device)
-                for x in (low, high - low)
-            )
-            return low, width
+            return constant(axis(low)), constant(axis(high - low))
 
         all_able = all(group.ability == 1 for group in roster.groups)
         self._ability = None if all_able else bounds("ability")
         subjective = any(group.subjective for group in roster.groups)
         self._perception = (bounds("bias"), bounds("scale")) if subjective else None
+        drift = roster.providers(roster.of_groups(lambda group: group.drift))
+        switch = roster.providers(roster.of_groups(lambda group: group.switch))
+        self._changes = constant(drift), constant(switch)
 
     def start(
         self,
@@ -86,6 +88,35 @@ class AgentPropertySampler:
         return AgentProperties(
             None if self._ability is None else _scale(providers, self._ability, ability), perception
         )
+
+    def step(
+        self, properties: AgentProperties, drift: Array | None, switch: Array | None
+    ) -> AgentProperties:
+        """Return the properties of the agents in the next round.
+
+        Args:
+            properties: Properties in the round that ends.
+            drift: Standard normal noise of shape (P, ...); None if no ability drifts.
+            switch: Uniform noise of shape (P, ...); None if no ability switches. Divided by the
+                probability of a switch, it is the uniform noise of the new ability.
+        """
+        ability = properties.ability
+        if ability is None or self._ability is None or (drift is None and switch is None):
+            return properties
+        xp, columns = namespace(ability), (*self._ability, *self._changes)
+        low, width, deviation, chance = (
+            column.reshape(column.shape + (1,) * (ability.ndim - 1)) for column in columns
+        )
+        if drift is not None:
+            ability = ability + deviation * drift
+        if switch is not None:
+            drawn = low + width * switch / xp.where(chance > 0, chance, 1 + chance)
+            ability = xp.where(switch < chance, drawn, ability)
+        # A walk that is reflected at both ends repeats after twice the width.
+        high, period = low + width, xp.where(width > 0, 2 * width, 1 + width)
+        ability = ability - period * xp.floor((ability - low) / period)
+        ability = xp.maximum(xp.minimum(ability, 2 * high - ability), low)
+        return properties._replace(ability=ability)
 
 
 def varies(roster: Roster, name: Property) -> bool:

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from refusals import refuses
 
+from roletrust_env import Scenario
 from roletrust_env.benchmarking.suite_files import load_suite, reproduction_command
 from roletrust_env.benchmarking.worlds import WorldRow, draw_worlds
 
@@ -99,6 +100,13 @@ def test_a_draw_lies_between_its_ends_however_close_they_are() -> None:
             {"drawn": TABLE | {"set": {"continuation": {"low": low, "high": high}}}}
         )
         assert all(low <= world["set"]["continuation"] <= high for world in worlds.values())
+
+
+def test_a_row_shows_how_abilities_change() -> None:
+    groups = [{"ability": 0.5}, {"ability": [0.2, 0.9], "drift": 0.01}]
+    agents = [{"role": "SR"}, *({"role": "SP"} | group for group in groups)]
+    row = WorldRow.of("drifting", Scenario.model_validate({"agents": agents}))
+    assert row.ability == "0.5, 0.2 to 0.9, drift 0, 0.01"
 
 
 def test_a_file_shows_its_worlds_and_draws_others_by_another_seed(tmp_path: Path) -> None:

@@ -23,6 +23,12 @@ from roletrust_env.envs.jax_env import _KeyRandom, _words  # noqa: E402
 
 AttackJaxEnv, RoleTrustJaxEnv = roletrust_env.AttackJaxEnv, roletrust_env.RoleTrustJaxEnv
 PRESETS = ["robots-that-move", "open-system", "market", "subjective"]
+DRIFTING = roletrust_env.Scenario(
+    agents=[
+        {"role": "SR", "count": 4},
+        {"role": "SP", "count": 3, "ability": (0.2, 0.9), "drift": 0.2, "switch": 0.2},
+    ]
+)
 
 
 @pytest.fixture
@@ -59,7 +65,7 @@ def both_play(scenario, model="role-trust", rounds=6):
         yield env, (seen, rewards, dones, infos, theirs), (game, before, ours, earned)
 
 
-@pytest.mark.parametrize("scenario", PRESETS)
+@pytest.mark.parametrize("scenario", [*PRESETS, DRIFTING], ids=[*PRESETS, "drifting"])
 def test_every_preset_is_equal_to_numpy(scenario, double):
     for env, (seen, rewards, dones, infos, _), (game, before, ours, earned) in both_play(scenario):
         expected = [

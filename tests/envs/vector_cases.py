@@ -22,7 +22,7 @@ TOLERANCE = {"rtol": 0, "atol": 2e-6}
 # to the end.
 AGENTS = [
     {"role": "SR", "count": 4, "noise": 0.1},
-    {"role": "SP", "count": 3},
+    {"role": "SP", "count": 3, "ability": (0.4, 1.0), "drift": 0.1, "switch": 0.1},
     {"role": "SR+SP", "noise": 0.2},
 ]
 ENDS = {

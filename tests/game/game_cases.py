@@ -22,7 +22,7 @@ def busy(**fields: Any) -> Scenario:
     admission, values."""
     defaults = {
         "agents": [
-            {"role": "SP", "count": 2, "ability": [0.3, 0.9]},
+            {"role": "SP", "count": 2, "ability": [0.3, 0.9], "drift": 0.2, "switch": 0.3},
             {"role": "SR+SP", "count": 2, "noise": 0.1, "ability": 0.8, "scale": [0.5, 1.2]},
             {"role": "SR", "count": 3, "noise": 0.05, "bias": [-0.2, 0.1]},
             {"role": "SR+SP", "count": 3, "turns": ["SR", "SP", "SR+SP"], "turn_length": 2},
@@ -95,6 +95,9 @@ def groups(draw: st.DrawFn, role: str, least: int = 1, core: bool = False) -> di
         }
     if role != "SR":
         group["ability"] = draw(st.sampled_from([1.0, 1.0, 0.5, (0.2, 1.0), (0.7, 0.7)]))
+        if isinstance(group["ability"], tuple):
+            group["drift"] = draw(st.sampled_from([0.0, 0.1, 3.0]))
+            group["switch"] = draw(st.sampled_from([0.0, 0.5, 1.0]))
     if role != "SP":
         group |= {"bias": draw(st.sampled_from([0.0, 0.0, -0.1, (-0.3, 0.3)]))}
         group |= {"scale": draw(st.sampled_from([1.0, 1.0, 0.7, (0.5, 1.5)]))}

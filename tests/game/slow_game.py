@@ -68,6 +68,19 @@ class Slow:
                 drawn[k] = low if low == high else low * (1 - luck[n]) + high * luck[n]
         return drawn
 
+    def change_abilities(self, noise: Noise) -> None:
+        for n, j in enumerate(self.providers):
+            group = self.group[j]
+            low, high = np.broadcast_to(group.ability, 2)
+            if low < high:
+                if group.drift:
+                    self.ability[j] += group.drift * noise.drift[n]
+                while not low <= self.ability[j] <= high:
+                    end = low if self.ability[j] < low else high
+                    self.ability[j] = 2 * end - self.ability[j]
+                if group.switch and noise.switch[n] < group.switch:
+                    self.ability[j] = low + (high - low) * noise.switch[n] / group.switch
+
     def come_and_go(self, round: int, noise: Noise, wanted: np.ndarray | None) -> None:
         for n, k in enumerate(self.names):
             group = self.group[k]
@@ -125,6 +138,7 @@ class Slow:
                 del self.received[pair]
         rewards = self.rewards()
         self.value = self.value if noise.value is None else self.draw_values(noise)
+        self.change_abilities(noise)
         self.round += 1
         return rewards
 

@@ -26,7 +26,7 @@ from roletrust_env.world import Choice
 def market(**access: Any) -> Scenario:
     agents = [
         {"role": "SR", "count": 6, "noise": 0.1},
-        {"role": "SP", "count": 4, "ability": (0.0, 1.0)},
+        {"role": "SP", "count": 4, "ability": (0.0, 1.0), "drift": 0.1, "switch": 0.1},
     ]
     return Scenario(agents=agents, access=Choice(**access), ratings={"lost": 0.3}, max_cycles=25)
 
@@ -106,14 +106,14 @@ def test_a_task_may_be_about_what_consumers_received(asarray: Any) -> None:
     )
     random, total = task.game.random(seed=2), 0.0
     state = task.start(task.game.draw(random, (3,), start=True), random)
-    ability = np.asarray(state.game.properties.ability)
-    ones = asarray(np.ones((1, 3)))
+    ones, ability = asarray(np.ones((1, 3))), []
     for _ in range(task.game.scenario.max_cycles):
+        ability.append(np.asarray(state.game.properties.ability))
         state, outcome = task.step(state, ones, task.game.draw(random, (3,)), random)
         total = total + np.asarray(outcome.objective)
     game = Game(task.game.scenario, task.game.model)
     history = record(JointPolicy(game, {"sr_5": Grumbler()}), game.random(seed=2), (3,))
-    bought = received(history, ability, range(5), range(3))
+    bought = received(history, np.stack(ability), range(5), range(3))
     np.testing.assert_allclose(total, bought.best - bought.got, rtol=0, atol=1e-9)
 
 

@@ -207,7 +207,7 @@ def test_permuting_agents_of_a_group_permutes_results(
 
     def shuffle(noise: Noise) -> Noise:
         cell_axes = cells, cells, cells, i if chance else cells
-        axes = Noise(*cell_axes, order, j, order, order, j, i, i, i, cells)
+        axes = Noise(*cell_axes, order, j, order, order, j, i, i, i, cells, j, j)
         return Noise(*(None if a is None else a[axis] for a, axis in zip(noise, axes, strict=True)))
 
     permuted = play(

@@ -51,7 +51,7 @@ CENTRAL = [
 MARKET: dict[str, Any] = {
     "agents": [
         {"role": "SR", "count": 7, "noise": 0.1},
-        {"role": "SP", "count": 5, "ability": [0.3, 1.0]},
+        {"role": "SP", "count": 5, "ability": [0.3, 1.0], "drift": 0.1, "switch": 0.1},
     ],
     "access": {"kind": "encounters", "providers": 3},
     "values": [1.0, 2.0],

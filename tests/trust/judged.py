@@ -9,6 +9,7 @@ import torch
 from model_cases import Reference, Rounds, varied_rounds
 
 from roletrust_env.trust import Ratings
+from roletrust_env.trust.model import start_model
 
 Matrix = list[list[Any]]
 
@@ -61,7 +62,8 @@ DELIVERED, RECEIVED = (varied_rounds((5, 4, 2), 12, seed) for seed in (1, 2))
 
 def judge_trust(model: Any, rounds: list[Any], received: list[Any] | None = None) -> np.ndarray:
     """The trust of each judge after rounds of ratings, and of services that judges received."""
-    state = model.start(np.zeros(rounds[0][0].shape))
+    like = np.zeros(rounds[0][0].shape)
+    state = start_model(model, like, np.zeros(like.shape[:2], bool))
     for now, (values, mask) in enumerate(rounds):
         own = None if received is None else Ratings(*received[now])
         state = model.update(state, Ratings(values, mask, experience=own))
@@ -93,7 +95,7 @@ def play(model: Any, *rounds: Sequence[Sequence[float | None]]) -> Any:
     state = None
     for each in rounds:
         f = np.asarray(each, dtype=float)  # None becomes NaN
-        state = model.start(f) if state is None else state
+        state = start_model(model, f, np.zeros(f.shape, bool)) if state is None else state
         state = model.update(state, Ratings(f, ~np.isnan(f)))
     return state
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from hypothesis import given
-from model_cases import assert_close, having, named, read
+from model_cases import assert_close, named, read
 from refusals import refuses
 
 from roletrust_env.trees import map_kinds
@@ -81,7 +81,7 @@ def test_edges_are_a_grid(log: tuple[tuple[int, int], list[Edges]]) -> None:
             assert_close(one, other, 1e-11, name)
 
 
-@having("takes_peers")
+@pytest.mark.parametrize("name", [n for n in CENTRAL if Traits.of(named(n)).takes_peers])
 @given(log=logs())
 def test_agents_of_two_roles_are_one_agent_on_edges_too(
     name: str, log: tuple[tuple[int, int], list[Edges]]

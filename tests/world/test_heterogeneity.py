@@ -92,7 +92,7 @@ def test_luck_moves_for_nobody_else(name: str) -> None:
     plain = make_scenario(name)
     first = next(i for i, group in enumerate(plain.agents) if group.role != "SR")
     groups = [group.model_dump() for group in plain.agents]
-    groups[first]["ability"] = (0.1, 0.9)
+    groups[first] |= {"ability": (0.1, 0.9), "drift": 0.1, "switch": 0.1}
     game, other = Game(plain), Game(plain.change(agents=groups))
     random, twin = game.random(1), other.random(1)
     for round in range(70):
@@ -101,7 +101,8 @@ def test_luck_moves_for_nobody_else(name: str) -> None:
             other.draw(twin, (2,), start=round == 0),
         )
         assert (same.ability is not None) == (round == 0)
-        for a, b in zip(luck, same._replace(ability=None), strict=True):
+        others = same._replace(ability=None, drift=None, switch=None)
+        for a, b in zip(luck, others, strict=True):
             assert (a is None) == (b is None)
             assert a is None or np.array_equal(a, b)
         assert np.array_equal(random.uniform((3,)), twin.uniform((3,)))

@@ -21,9 +21,13 @@ def seen_by(judge: int) -> list[tuple[np.ndarray, np.ndarray]]:
     return rounds
 
 
-@pytest.mark.parametrize("name", [n for n in PERSONAL if n not in ("clustering", "zhang-cohen")])
+PUBLIC = "blended", "clustering", "zhang-cohen"
+
+
+@pytest.mark.parametrize("name", [n for n in PERSONAL if n not in PUBLIC])
 def test_a_judge_remembers_its_services_and_hears_what_others_delivered(name: str) -> None:
-    """These two also have something public: clusters and consistency of all delivered ratings."""
+    """The others also have something public: the published trust of a central model, clusters and
+    consistency of all delivered ratings."""
     model = named(name)
     trust = judge_trust(model, DELIVERED, RECEIVED)
     for judge in range(len(trust)):
