@@ -398,7 +398,9 @@ class Game(Frozen):
             population=population,
             motion=motion,
             transit=transit,
-            properties=self._property_sampler.step(state.properties, noise.drift, noise.switch),
+            properties=state.properties
+            if noise.drift is None and noise.switch is None
+            else self._property_sampler.step(state.properties, noise.drift, noise.switch),
             met=met,
             due=None
             if state.due is None

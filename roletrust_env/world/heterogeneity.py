@@ -101,7 +101,7 @@ class AgentPropertySampler:
                 probability of a switch, it is the uniform noise of the new ability.
         """
         ability = properties.ability
-        if ability is None or self._ability is None or (drift is None and switch is None):
+        if ability is None or self._ability is None:
             return properties
         xp, columns = namespace(ability), (*self._ability, *self._changes)
         low, width, deviation, chance = (

@@ -1,0 +1,229 @@
+"""Suites of the closed loop: trust models, settings and ways to attack as immutable data, and their
+cells.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+
+from pydantic import Field, PositiveInt, model_validator
+
+from roletrust_env.benchmarking.closed_loop.worlds import (
+    AttackedWorld,
+    Distribution,
+    Use,
+    compromise,
+)
+from roletrust_env.benchmarking.schema import Label, Name, SuiteSchema, check_unique
+from roletrust_env.benchmarking.worlds import draw
+from roletrust_env.evaluation.attackers import MAX_RECORD
+from roletrust_env.evaluation.received import RANGES
+from roletrust_env.evaluation.specs import named_factory, parse_trust_model
+from roletrust_env.game.policy import registry as attackers
+from roletrust_env.trust.model import registry as trust_models
+from roletrust_env.world import Scenario
+from roletrust_env.world.group import FrozenModel
+from roletrust_env.world.roster import Roster
+
+Rule = Literal["common", "own"]
+"""Choice rule of consumers: `common`, greedy by their own trust with forced exploration, or the
+`own` rule of the trust model."""
+
+Method = Literal["scripts", "replayed"]
+"""Way to attack: scripted attacks with default parameters, or attacks that somebody found."""
+
+_Part = Annotated[float, Field(gt=0, lt=1)]
+
+
+class Setting(FrozenModel):
+    """Compromised agents, and what they and all others may report."""
+
+    roles: tuple[Literal["SR", "SP"], ...] = ()
+    """Roles of the compromised agents: raters, providers or both. Without a role all are honest."""
+    share: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    """Share of compromised agents in each of these roles. The number is rounded and at least
+    one."""
+    reserve: Annotated[int, Field(ge=0, le=100)] = 0
+    """Identities in reserve of each compromised agent. Then the share is that of all identities of
+    compromised agents among all identities, and only attacks that use them are played."""
+    reports: Literal["verified", "open"] = "verified"
+    """Reports: `verified`, one for each service, or `open`, a number in each round, also without a
+    service."""
+    silent: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Share of the honest raters that send no reports; if positive, one at least."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if bool(self.roles) != bool(self.share):
+            raise ValueError(
+                f"roles are {self.roles} and share is {self.share}; both must be given, or none"
+            )
+        if self.reserve and not self.roles:
+            raise ValueError(f"reserve is {self.reserve}, but the setting has no compromised agent")
+        if self.silent and self.roles:
+            raise ValueError(f"silent is {self.silent}; it is for settings without attackers")
+        return self
+
+
+class ReplayedAttack(FrozenModel):
+    """An attack that somebody found, and that plays again without a search."""
+
+    name: Name
+    """Name in tables, which says how it was found and against which trust model."""
+    setting: Label
+    """Name of the setting in the suite."""
+    finder: Annotated[str, Field(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")] = ""
+    """Who found the attack. Empty for the project."""
+    record: Annotated[str, Field(min_length=1, max_length=MAX_RECORD)]
+    """Record of the attacker, see `roletrust_env.evaluation.attackers`."""
+
+
+class Cell(NamedTuple):
+    """Smallest unit of a benchmark: a trust model in a setting under one way to attack.
+
+    Attributes:
+        model: Spec of the trust model.
+        rule: Choice rule of the consumers.
+        setting: Name of the setting in the suite.
+        method: Way to attack, or `honest`. All cells of a suite play the same games.
+    """
+
+    model: str
+    rule: Rule
+    setting: str
+    method: Method | Literal["honest"]
+
+    @property
+    def key(self) -> str:
+        """Unique key of the cell in its suite."""
+        return "|".join(map(str, self))
+
+
+class ClosedLoopSuite(SuiteSchema):
+    """Benchmark of trust models in the closed loop: models x settings x ways to attack.
+
+    Attacks are chosen in some worlds, and measured in others.
+    """
+
+    cell_type: ClassVar = Cell
+    field_hints: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("preset", "set", "scenario", "scenarios"), "did you mean 'preset' and 'set' of 'worlds'?"
+    )
+    chosen_scores: ClassVar = {"skill": RANGES["skill"]}
+    measured_scores: ClassVar = RANGES
+    kind: Literal["closed-loop"]
+    """Type of the suite."""
+    version: str = ""
+    """Version of the suite. Numbers of different versions do not compare."""
+    games: Annotated[int, Field(ge=1, le=100_000)] = 8
+    """Number of games in each world."""
+    models: tuple[Label, ...] | Literal["all"] = "all"
+    """Specs of trust models. `all` means all registered or installed ones. A model with a choice
+    rule of its own is played by this rule, too."""
+    solo: Label = "solo-threshold"
+    """Spec of the trust model that listens to nobody, against which the gain is measured. It is
+    played by its own choice rule if it has one."""
+    worlds: Distribution
+    """Distribution of the worlds."""
+    reports: dict[str, Any] | PositiveInt = 1
+    """Number of reports of a rater in a round with open reports: a number, or one that is drawn."""
+    settings: Annotated[dict[Label, Setting], Field(min_length=1)]
+    """Settings by name."""
+    attacks: Annotated[tuple[Label, ...], Field(min_length=1)]
+    """Specs of scripted attacks that the way `scripts` plays."""
+    usual: dict[str, Label] = Field(default_factory=lambda: {"SR": "bad-mouthing", "SP": "on-off"})
+    """Attack of each role where a scripted attack is for the other role alone."""
+    methods: Annotated[tuple[Method, ...], Field(min_length=1)] = ("scripts",)
+    """Ways to attack. Honest play of the compromised agents is always one of them."""
+    replayed: tuple[ReplayedAttack, ...] = ()
+    """Attacks that the way `replayed` plays."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not self.models:
+            raise ValueError("models must not be empty")
+        check_unique(methods=self.methods, attacks=self.attacks)
+        if self.models != "all":
+            check_unique(models=self.models)
+        if not any(setting.roles for setting in self.settings.values()):
+            raise ValueError("settings must contain one with compromised agents")
+        for attack in self.replayed:
+            if attack.setting not in self.settings:
+                raise ValueError(
+                    f"replayed attack {attack.name!r} is for the setting {attack.setting!r}, which "
+                    "the suite does not have"
+                )
+        if ("replayed" in self.methods) != bool(self.replayed):
+            raise ValueError("replayed and the method 'replayed' must both be given, or none")
+        names = [(attack.name, attack.setting) for attack in self.replayed]
+        check_unique(replayed=tuple(names))
+        return self
+
+    @property
+    def model_names(self) -> list[str]:
+        """Specs of the trust models, with the solo model."""
+        named = trust_models.names() if self.models == "all" else list(self.models)
+        return list(dict.fromkeys([*named, self.solo]))
+
+    @property
+    def entrants(self) -> list[tuple[str, Rule]]:
+        """Trust models with the choice rules by which they are played."""
+        example = self.worlds.world("measured", 0)
+        pairs: list[tuple[str, Rule]] = []
+        for name in self.model_names:
+            pairs.append((name, "common"))
+            if hasattr(parse_trust_model(name, example), "preference"):
+                pairs.append((name, "own"))
+        return pairs
+
+    def replayed_in(self, setting: str) -> list[ReplayedAttack]:
+        """Return the replayed attacks of a setting."""
+        return [attack for attack in self.replayed if attack.setting == setting]
+
+    def cells(self) -> list[Cell]:
+        """Return all cells, ordered by trust model."""
+        cells = []
+        for model, rule in self.entrants:
+            for name, setting in self.settings.items():
+                cells.append(Cell(model, rule, name, "honest"))
+                for method in self.methods if setting.roles else ():
+                    cells.append(Cell(model, rule, name, method))
+        return cells
+
+    def factories(self) -> dict[str, Callable[..., Any]]:
+        """Return the factories of the trust models and attacks, by type and name."""
+        models = {
+            f"trust model {name}": named_factory(trust_models, name) for name in self.model_names
+        }
+        scripts = {
+            f"attack {name}": named_factory(attackers, name)
+            for name in (*self.attacks, *self.usual.values())
+        }
+        return models | scripts
+
+    def rules(self, cell: Cell) -> tuple[object, ...]:
+        """Return all fields that the result of a cell depends on."""
+        setting = self.settings[cell.setting]
+        played = self.worlds, self.reports, setting, self.games, self.limit_s
+        if cell.method == "honest":
+            return played
+        return *played, self.attacks, self.usual, self.replayed_in(cell.setting)
+
+    def world(self, cell: Cell, use: Use, number: int) -> AttackedWorld:
+        """Return a world in the setting and with the choice rule of a cell."""
+        setting, world = self.settings[cell.setting], self.worlds.worlds(use)[number]
+        access = world.access.model_dump()
+        if cell.rule == "own":
+            access |= {"by": "model", "explore": 0.0, "temperature": 0.0}
+        changes: dict[str, Any] = {"access": access}
+        if setting.reports == "open":
+            number_of = draw(self.reports, f"{self.worlds.seed}|{use}-{number}|reports")
+            changes["ratings"] = {**world.ratings.model_dump(), "open": number_of}
+        world = world.change(**changes)
+        if not setting.roles:
+            return AttackedWorld(world, ())
+        return compromise(world, setting.roles, setting.share, setting.reserve)
+
+    def silent(self, cell: Cell, world: Scenario) -> list[str]:
+        """Return the names of the raters that send no reports in a world: the first ones."""
+        share, raters = self.settings[cell.setting].silent, Roster.of(world).rater_names
+        return list(raters[: max(1, round(share * len(raters)))]) if share else []

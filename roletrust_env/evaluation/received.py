@@ -1,0 +1,147 @@
+"""What consumers received in an attacked game in which they choose providers, as scores of a world.
+
+See `roletrust_env.game.consumer.receive`: choices have consequences, and the yardsticks depend on
+nothing that a trust model or an attacker does.
+"""
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.game.consumer import receive
+from roletrust_env.game.rollout import Players, rollout
+from roletrust_env.metrics.score import ratio
+from roletrust_env.shapes import Shape
+from roletrust_env.world.scenario import Choice
+
+Floats = npt.NDArray[np.float64]
+
+
+class ScoreColumn(NamedTuple):
+    """A score of a world: the one table that results, leaderboards and pages read.
+
+    Attributes:
+        name: Name in results and tables.
+        low: Least value.
+        high: Greatest value.
+        better: `"high"` or `"low"`.
+        formula: Definition in plain text.
+    """
+
+    name: str
+    low: float
+    high: float
+    better: str
+    formula: str
+
+
+COLUMNS = (
+    ScoreColumn(
+        "skill",
+        -1000.0,
+        1000.0,
+        "high",
+        "sum(received - blind) / sum(best - blind) over honest consumers, rounds and games",
+    ),
+    ScoreColumn("regret", -1.0, 1.0, "low", "mean of best - received over rounds and games"),
+    ScoreColumn(
+        "attacker_share", 0.0, 1.0, "low", "services from compromised providers / all services"
+    ),
+    ScoreColumn(
+        "attacker_earnings",
+        0.0,
+        1.0,
+        "low",
+        "sum of 1 - quality over services from compromised providers / all services",
+    ),
+    ScoreColumn(
+        "brier", 0.0, 1.0, "low", "mean of (trust at the choice - quality received)^2 over services"
+    ),
+    ScoreColumn(
+        "silent_skill", -1000.0, 1000.0, "high", "skill of the consumers that send no reports"
+    ),
+)
+"""The scores of a world. The skill is that of Murphy (1988); the third and the fourth are of
+attackers, NaN without them, and the last one is NaN where all consumers report. A skill is above 1
+where compromised providers serve better than the best honest one."""
+
+RANGES = {column.name: (column.low, column.high) for column in COLUMNS}
+
+
+class WorldScores(NamedTuple):
+    """The scores of K attacks in the games of a world.
+
+    Attributes:
+        scores: Scores by name, shape (K,) each; NaN where undefined, see `COLUMNS`.
+        regret_by_round: Mean regret in each round over the games, shape (T, K).
+    """
+
+    scores: dict[str, Annotated[Floats, Shape("K")]]
+    regret_by_round: Annotated[Floats, Shape("T K")]
+
+
+def measure_world(
+    players: Players,
+    identities: Sequence[str],
+    seed: tuple[int, ...],
+    batch: tuple[int, int],
+    silent: Sequence[str] = (),
+) -> WorldScores:
+    """Play attacks side by side in the games of a world, and return the scores.
+
+    Args:
+        players: Behaviour of all agents of a game in double precision, whose raters choose
+            providers, see `Choice`.
+        identities: Names of the compromised agents and of their identities in reserve.
+        seed: Random seed of the games. All attacks meet the same noise, so that they compare.
+        batch: Shape (K, G): K attacks in G games each.
+        silent: Names of honest raters that send no reports, see `silent_skill`.
+
+    Raises:
+        ValueError: An agent or a trust model fails, or an action is NaN or outside [0, 1].
+    """
+    game, access = players.game, players.game.scenario.access
+    assert isinstance(access, Choice)
+    raters, providers = game.roster.rater_names, game.roster.provider_names
+    consumers = [i for i, name in enumerate(raters) if name not in identities]
+    honest = [j for j, name in enumerate(providers) if name not in identities]
+    bad = [j for j, name in enumerate(providers) if name in identities]
+    quiet = [i for i, name in enumerate(raters) if name in silent]
+    gained, possible = np.zeros((2, batch[0])), np.zeros((2, batch[0]))
+    services, from_bad, earned, squares = np.zeros((4, batch[0]))
+    by_round = []
+    noise, chance = np.random.SeedSequence(seed).generate_state(2)
+    sources = game.random(int(noise)), game.random(int(chance))
+    rounds = rollout(players, *sources, batch[1:], rows=batch[0])
+    for before, actions, state, _, weight in rounds:
+        offered = game.offered(before, actions, state)
+        properties = state.properties.ability
+        ability = np.ones(state.quality.shape) if properties is None else properties
+        for k, group in enumerate((consumers, quiet)):
+            if group:
+                part = receive(state.awaiting, offered, ability, group, honest, access.providers)
+                gained[k] += weight * (part.got - part.blind).sum(axis=-1)
+                possible[k] += weight * (part.best - part.blind).sum(axis=-1)
+                if k == 0:
+                    by_round.append((part.best - part.got).mean(axis=-1))
+        mine = state.awaiting[consumers]
+        each = offered[consumers] if offered.ndim == mine.ndim else offered[None]
+        quality, sums = np.where(mine, each, 0.0), (0, 1, 3)
+        services += weight * mine.sum(axis=sums)
+        from_bad += weight * mine[:, bad].sum(axis=sums)
+        earned += weight * (mine * (1 - quality))[:, bad].sum(axis=sums)
+        trust = np.where(mine, game.known_trust(state)[consumers], 0.0)
+        squares += weight * ((trust - quality) ** 2).sum(axis=sums)
+    regret, weights = np.stack(by_round), game.scenario.round_weights
+    nothing = np.full(batch[0], np.nan)
+    scores = {
+        "skill": ratio(gained[0], possible[0]),
+        "regret": weights @ regret / weights.sum(),
+        "attacker_share": ratio(from_bad, services) if bad else nothing,
+        "attacker_earnings": ratio(earned, services) if bad else nothing,
+        "brier": ratio(squares, services),
+        "silent_skill": ratio(gained[1], possible[1]) if quiet else nothing,
+    }
+    return WorldScores(scores, regret)
