@@ -18,10 +18,10 @@ from time import monotonic
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from roletrust_env.benchmarking.cells import play_cell
+from roletrust_env.benchmarking.closed_loop import cells as closed_loop
 from roletrust_env.benchmarking.entrants import register_packed
 from roletrust_env.benchmarking.learners.suite import play_trial
 from roletrust_env.benchmarking.schema import AnyCell, CellResult, SuiteSchema, reason
-from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.interrupts import without_interrupts
 
 Key = TypeVar("Key", bound=Hashable)
@@ -303,6 +303,14 @@ def worker_death(detail: str) -> CellResult:
     return CellResult((), 0.0, failed=f"its worker died {TRIES} times, {detail}")
 
 
+_PLAY: dict[str, Callable[..., CellResult]] = {
+    "robustness": play_cell,
+    "closed-loop": closed_loop.play_cell,
+    "learners": play_trial,
+}
+"""Functions that play a cell, by the kind of its suite."""
+
+
 def play_safely(
     suite: SuiteSchema,
     cell: AnyCell,
@@ -315,7 +323,7 @@ def play_safely(
     """
     try:
         register_packed(entrants)
-        play: Callable[..., CellResult] = play_cell if isinstance(suite, Suite) else play_trial
+        play = _PLAY[suite.kind]
         options = {"record": record, "isolated": isolated}
         return play(suite, cell, **{name: option for name, option in options.items() if option})
     except (Exception, SystemExit) as error:  # plug-in code may raise anything

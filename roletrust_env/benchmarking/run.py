@@ -204,7 +204,7 @@ def _robustness(suite: str | Path | Suite) -> Suite:
     loaded = suite if isinstance(suite, SuiteSchema) else load_suite(suite)
     if not isinstance(loaded, Suite):
         raise ValueError(
-            f"suite {loaded.name} is for learners; play it with `roletrust benchmark --suite "
+            f"suite {loaded.name} is for {loaded.kind}; play it with `roletrust benchmark --suite "
             f"{loaded.name}`"
         )
     return loaded

@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from roletrust_env.benchmarking.closed_loop.suite import ClosedLoopSuite
 from roletrust_env.benchmarking.known_attacks import merge_attacks, read_known_attacks
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.schema import SuiteSchema
@@ -16,7 +17,7 @@ from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.worlds import draw_worlds
 from roletrust_env.errors import suggest, validation_message
 
-AnySuite = Suite | LearnersSuite
+AnySuite = Suite | ClosedLoopSuite | LearnersSuite
 """Suite of any type that a file may have."""
 
 _WORLDS = ", worlds "
@@ -57,7 +58,10 @@ def load_suite(suite: str | Path, worlds: int | None = None) -> AnySuite:
                 f"suite {suite} has no table of worlds, so none can be drawn with another seed"
             )
         fields["name"] = f"{fields['name']}{_WORLDS}{worlds}"
-    if "worlds" in fields:
+    if fields.get("kind") == "closed-loop":
+        if worlds is not None:
+            fields["worlds"] = {**fields["worlds"], "seed": worlds}
+    elif "worlds" in fields:
         try:
             fields["scenarios"] = draw_worlds(
                 fields.pop("worlds"), worlds, fields.get("scenarios", {})
@@ -88,7 +92,11 @@ def read_suite(data: Mapping[str, Any], source: str) -> AnySuite:
         raise ValueError(f"{source}: {validation_message(error)}") from None
 
 
-_TYPES: dict[str, type[AnySuite]] = {"robustness": Suite, "learners": LearnersSuite}
+_TYPES: dict[str, type[AnySuite]] = {
+    "robustness": Suite,
+    "closed-loop": ClosedLoopSuite,
+    "learners": LearnersSuite,
+}
 
 
 def _names() -> list[str]:

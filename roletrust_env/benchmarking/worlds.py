@@ -63,11 +63,11 @@ def draw_worlds(tables: Any, seed: int | None = None, scenarios: Any = None) -> 
             world = f"{name}-{k}"
             if world in worlds:
                 raise ValueError(f"worlds {name}: there is a scenario {world!r}, too")
-            worlds[world] = _drawn(fields, f"{table.seed if seed is None else seed}|{world}")
+            worlds[world] = draw(fields, f"{table.seed if seed is None else seed}|{world}")
     return worlds
 
 
-def _drawn(value: Any, place: str) -> Any:
+def draw(value: Any, place: str) -> Any:
     """Return a value with its draws replaced.
 
     Args:
@@ -75,7 +75,7 @@ def _drawn(value: Any, place: str) -> Any:
         place: Seed, world and place in its table, as text that seeds the draw.
     """
     if isinstance(value, tuple):
-        return [_drawn(part, f"{place}|{k}") for k, part in enumerate(value)]
+        return [draw(part, f"{place}|{k}") for k, part in enumerate(value)]
     if not isinstance(value, dict):
         return value
     part = Random(place).random()  # in [0, 1)
@@ -100,8 +100,8 @@ def _drawn(value: Any, place: str) -> Any:
             raise ValueError(
                 f"{place}: choices are {choices!r:.300}; they must be a list with one value or more"
             )
-        return _drawn(choices[int(part * len(choices))], f"{place}|choice")
-    return {name: _drawn(field, f"{place}|{name}") for name, field in value.items()}
+        return draw(choices[int(part * len(choices))], f"{place}|choice")
+    return {name: draw(field, f"{place}|{name}") for name, field in value.items()}
 
 
 class WorldRow(NamedTuple):

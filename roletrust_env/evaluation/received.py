@@ -117,8 +117,8 @@ def measure_world(
     rounds = rollout(players, *sources, batch[1:], rows=batch[0])
     for before, actions, state, _, weight in rounds:
         offered = game.offered(before, actions, state)
-        properties = state.properties.ability
-        ability = np.ones(state.quality.shape) if properties is None else properties
+        able = before.properties.ability
+        ability = np.ones(state.quality.shape) if able is None else able
         for k, group in enumerate((consumers, quiet)):
             if group:
                 part = receive(state.awaiting, offered, ability, group, honest, access.providers)

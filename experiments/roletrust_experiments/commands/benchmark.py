@@ -10,6 +10,8 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
+from roletrust_env.benchmarking.closed_loop.board import MEANINGS, ClosedLoopBoard
+from roletrust_env.benchmarking.closed_loop.suite import ClosedLoopSuite
 from roletrust_env.benchmarking.cost import cell_costs, estimate_cost
 from roletrust_env.benchmarking.known_attacks import check_records, read_known_attacks
 from roletrust_env.benchmarking.leaderboard import Leaderboard
@@ -32,9 +34,11 @@ from roletrust_env.benchmarking.verification import check_installed_names
 from roletrust_env.benchmarking.worlds import WorldRow
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.specs import check_installed
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands.console import (
     ALLOW_CODE,
     console,
@@ -64,8 +68,8 @@ def benchmark(
         str,
         typer.Option(
             help=(
-                "Suite to play: quick, standard, full, learners, learners-quick, or the path of a "
-                ".toml file."
+                "Suite to play: quick, standard, full, marketplace, learners, learners-quick, or "
+                "the path of a .toml file."
             )
         ),
     ] = "quick",
@@ -151,7 +155,7 @@ def benchmark(
         require("--ray", "ray", "ray")
     asked = _asked(load_suite(suite, worlds), model, attack, learner, allow_code)
     if known:
-        if isinstance(asked, LearnersSuite):
+        if not isinstance(asked, Suite):
             raise ValueError(
                 f"--known is not for the suite {asked.name}, which is one for {asked.kind}"
             )
@@ -184,9 +188,12 @@ def benchmark(
             raise typer.Exit(130) from None
     if isinstance(asked, LearnersSuite):
         _show_learners(asked, stored, out)
+    elif isinstance(asked, ClosedLoopSuite):
+        _show_board(asked, stored, out)
     else:
         _show(asked, stored, out)
-    tell(f"Next: {report_command(asked, out)}")
+    if not isinstance(asked, ClosedLoopSuite):
+        tell(f"Next: {report_command(asked, out)}")
     if any(done.failed for _, done in stored):
         raise typer.Exit(1)
 
@@ -235,6 +242,18 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:
         tell(f"What the worst attack does: {replayed}")
 
 
+def _show_board(suite: ClosedLoopSuite, cells: Sequence[StoredCell], out: Path) -> None:
+    """Write and print the leaderboard of the closed loop."""
+    board = ClosedLoopBoard.of(suite, cells)
+    board.to_csv(out / "leaderboard.csv")
+    legend = "".join(f"- **{name}**: {meaning}.\n" for name, meaning in MEANINGS.items())
+    command = reproduction_command(suite, out / "results.sqlite")
+    about = f"Suite {suite.name}, version {suite.version}. Made by `{command}`."
+    write_text(out / "leaderboard.md", f"{board.to_markdown()}\n\n{about}\n\n{legend}")
+    console.print(escape(repr(board)), soft_wrap=True)
+    tell(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md")
+
+
 def _asked(
     suite: AnySuite,
     model: Sequence[str] | None,
@@ -249,11 +268,11 @@ def _asked(
         ValueError: A name is unknown, what it names cannot be made or is not for such a suite, or a
             file names what is not installed.
     """
-    wrong = (
-        {"--model": model, "--attack": attack}
-        if isinstance(suite, LearnersSuite)
-        else {"--learner": learner}
-    )
+    wrong = {
+        "learners": {"--model": model, "--attack": attack},
+        "closed-loop": {"--attack": attack, "--learner": learner},
+        "robustness": {"--learner": learner},
+    }[suite.kind]
     for flag, names in wrong.items():
         if names:
             raise ValueError(
@@ -261,6 +280,14 @@ def _asked(
             )
     if isinstance(suite, LearnersSuite):
         return _asked_learners(suite, learner, allow_code)
+    if isinstance(suite, ClosedLoopSuite):
+        if not allow_code:
+            check_installed(trust_models, suite.models)
+            check_installed(attackers, (*suite.attacks, *suite.usual.values()))
+        models = _expanded(model, suite.model_copy(update={"models": "all"}).model_names)
+        asked = suite.model_copy(update={"models": tuple(models) or suite.models})
+        asked.entrants  # noqa: B018  # makes the models
+        return asked
     if not allow_code:
         check_installed_names(suite)
     everything = suite.model_copy(update={"models": "all", "attacks": "all"})
@@ -289,6 +316,14 @@ def _show_cost(suite: AnySuite, workers: int | None) -> None:
         rounds = trials * sum(suite.budgets) + tests * sum(cycles) * len(suite.seeds)
         for name in suite.learners:
             table.add_row(escape(name), f"{trials * len(suite.budgets):,}", f"{rounds:,}")
+        console.print(table)
+        return
+    if isinstance(suite, ClosedLoopSuite):
+        table = number_table(f"{suite.name}, at the most", "of one cell", "cells", "worlds")
+        for model, rule in suite.entrants:
+            cells = [cell for cell in suite.cells() if (cell.model, cell.rule) == (model, rule)]
+            worlds = suite.worlds.selection + suite.worlds.measured
+            table.add_row(f"{escape(model)} ({rule} rule)", f"{len(cells):,}", f"{worlds:,}")
         console.print(table)
         return
     for world_fields in suite.worlds.items():

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
+from roletrust_env.benchmarking.closed_loop.suite import ClosedLoopSuite
 from roletrust_env.benchmarking.learners.results import (
     ALL_TASKS,
     HEADER,
@@ -156,6 +157,8 @@ def read(
                 "has one of each kind"
             )
         taken[suite.kind] = path
+        if isinstance(suite, ClosedLoopSuite):
+            raise ValueError(f"{path} is of a suite for {suite.kind}, which has no report yet")
         if isinstance(suite, LearnersSuite):
             content = content._replace(learners=Learners.of(suite, stored, software, path))
         else:

@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite, Rule
-from roletrust_env.benchmarking.schema import AttackResult
-from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.verdict import verdict
 from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.metrics.score import mean_or_nan
@@ -119,7 +118,7 @@ class ClosedLoopBoard:
     worst_cases: dict[tuple[str, Rule, str], SettingWorstCase]
 
     @classmethod
-    def of(cls, suite: ClosedLoopSuite, stored: Sequence[StoredCell]) -> Self:
+    def of(cls, suite: ClosedLoopSuite, stored: Sequence[tuple[Cell, CellResult]]) -> Self:
         """Return the leaderboard of a run.
 
         Args:
@@ -226,7 +225,7 @@ class ClosedLoopBoard:
 
 
 def _worst_cases(
-    stored: Sequence[StoredCell],
+    stored: Sequence[tuple[Cell, CellResult]],
 ) -> dict[tuple[str, Rule, str], SettingWorstCase]:
     candidates: dict[tuple[str, Rule, str], list[tuple[Cell, AttackResult]]] = {}
     for cell, result in stored:

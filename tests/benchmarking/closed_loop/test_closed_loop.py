@@ -1,0 +1,180 @@
+"""The closed loop: worlds, settings, cells and the leaderboard."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from roletrust_env.benchmarking.closed_loop.board import ClosedLoopBoard
+from roletrust_env.benchmarking.closed_loop.cells import CellPlay, play_cell
+from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite
+from roletrust_env.benchmarking.closed_loop.worlds import SPREAD, compromise, expected_spread
+from roletrust_env.benchmarking.run import InProcess, play_suite
+from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.evaluation.agreed import AgreedScripts
+from roletrust_env.evaluation.attackers import read_record, record_of
+from roletrust_env.evaluation.received import COLUMNS, RANGES
+from roletrust_env.world.roster import Roster
+
+
+def small_suite(**changes: object) -> ClosedLoopSuite:
+    """Return the suite of the project with few small worlds and two games in each."""
+    suite = load_suite("marketplace")
+    assert isinstance(suite, ClosedLoopSuite)
+    changed = {
+        "max_cycles": {"low": 8, "high": 12},
+        "agents": [
+            {"role": "SR", "count": {"low": 6, "high": 8}, "noise": 0.1},
+            {"role": "SP", "count": {"low": 6, "high": 8}, "ability": [0.0, 1.0]},
+        ],
+    }
+    worlds = {
+        **suite.worlds.model_dump(),
+        "selection": 2,
+        "measured": 3,
+        "set": {**suite.worlds.set, **changed},
+    }
+    fields = {**suite.model_dump(), "worlds": worlds, "games": 2, "models": ["mean", "block"]}
+    return ClosedLoopSuite.model_validate({**fields, **changes})
+
+
+def test_worlds_depend_on_seed_use_and_number_alone() -> None:
+    suite = small_suite()
+    again = small_suite()
+    more = small_suite(worlds={**suite.worlds.model_dump(), "measured": 5})
+    other = small_suite(worlds={**suite.worlds.model_dump(), "seed": 1})
+    worlds = suite.worlds.worlds("measured")
+    assert worlds == again.worlds.worlds("measured") == more.worlds.worlds("measured")[:3]
+    assert worlds != other.worlds.worlds("measured")
+    assert not set(map(str, worlds)) & set(map(str, suite.worlds.worlds("selection")))
+
+
+def test_worlds_of_the_suite_have_the_stated_spread() -> None:
+    suite = load_suite("marketplace")
+    assert isinstance(suite, ClosedLoopSuite)
+    worlds = [*suite.worlds.worlds("measured"), *suite.worlds.worlds("selection")]
+    assert len(worlds) == 42
+    assert min(map(expected_spread, worlds)) >= SPREAD
+
+
+def test_the_expected_spread_is_that_of_drawn_abilities() -> None:
+    world = small_suite().worlds.worlds("measured")[0]
+    world = world.change(access={**world.access.model_dump(), "providers": 2})
+    providers = sum(group.count for group in world.agents if group.role == "SP")
+    drawn = np.sort(np.random.default_rng(0).random((40_000, providers)), axis=1)
+    spread = drawn[:, -2:].mean() - drawn.mean()
+    assert expected_spread(world) == pytest.approx(spread, abs=0.003)
+
+
+@pytest.mark.parametrize(("share", "reserve"), [(0.2, 0), (0.3, 0), (0.3, 3)])
+def test_the_compromised_share_is_that_of_identities_and_spread_over_groups(
+    share: float, reserve: int
+) -> None:
+    suite = load_suite("marketplace")
+    assert isinstance(suite, ClosedLoopSuite)
+    for world in suite.worlds.worlds("selection"):
+        attacked = compromise(world, ("SR", "SP"), share, reserve)
+        roster = Roster.of(attacked.scenario)
+        for names in (roster.rater_names, roster.provider_names):
+            bad = [name for name in names if roster.owners[name] in attacked.compromised]
+            owners = {roster.owners[name] for name in bad}
+            assert len(bad) == len(owners) * (1 + reserve)
+            # rounded to a whole number of agents
+            assert abs(len(bad) - share * len(names)) <= (1 + reserve) / 2 + 1e-9
+        assert [group.count for group in world.agents if group.role == "SR"] == [
+            sum(group.count for group in attacked.scenario.agents if group.role == "SR")
+        ]
+
+
+def test_too_few_agents_are_refused() -> None:
+    world = small_suite().worlds.worlds("measured")[0]
+    with pytest.raises(ValueError, match="SP"):
+        compromise(world, ("SP",), 0.99)
+
+
+def test_open_reports_and_own_rules_change_the_world() -> None:
+    suite = small_suite()
+    own = suite.world(Cell("block", "own", "raters-open", "scripts"), "measured", 0).scenario
+    common = suite.world(Cell("block", "common", "raters", "scripts"), "measured", 0).scenario
+    assert own.access.by == "model"  # type: ignore[union-attr]
+    assert own.access.explore == 0  # type: ignore[union-attr]
+    assert own.ratings.open in range(1, 5)
+    assert common.ratings.open is None
+    assert own.agents == common.agents
+
+
+def test_models_that_listen_to_nobody_are_immune_to_lies() -> None:
+    suite = small_suite()
+    for setting in ("raters", "raters-open"):
+        lies = play_cell(suite, Cell("own-experience", "common", setting, "scripts"))
+        honest = play_cell(suite, Cell("own-experience", "common", setting, "honest"))
+        assert lies.rows
+        for row in lies.rows:
+            assert row.measured["skill"] == pytest.approx(honest.rows[0].measured["skill"])
+
+
+def test_attacks_side_by_side_play_as_alone() -> None:
+    suite = small_suite()
+    play = CellPlay(suite, Cell("mean", "common", "coalition", "scripts"))
+    attacks = [AgreedScripts(("rank-lies", "on-off")), AgreedScripts(("milking-ring",))]
+    together, _ = play.measure("measured", attacks)
+    alone = [play.measure("measured", [attack])[0] for attack in attacks]
+    for name in RANGES:
+        for k in range(2):
+            assert together[name][:, k] == pytest.approx(alone[k][name][:, 0], nan_ok=True)
+
+
+def test_scores_lie_in_their_ranges_and_are_none_where_undefined() -> None:
+    suite = small_suite()
+    clean = play_cell(suite, Cell("mean", "common", "clean", "honest")).rows[0].measured
+    silent = play_cell(suite, Cell("mean", "common", "silent", "honest")).rows[0].measured
+    coalition = play_cell(suite, Cell("mean", "common", "coalition", "scripts")).rows
+    assert clean["attacker_share"] == clean["silent_skill"] == [None] * 3
+    assert None not in silent["silent_skill"]
+    for row in coalition:
+        for column in COLUMNS[:-1]:
+            values = np.array(row.measured[column.name], float)
+            assert ((values >= column.low) & (values <= column.high)).all()
+
+
+def test_the_leaderboard_takes_the_attack_that_is_worst_in_the_selection(tmp_path: Path) -> None:
+    suite = small_suite()
+    stored = play_suite(suite, InProcess(), out=tmp_path)
+    assert not any(result.failed for _, result in stored)
+    board = ClosedLoopBoard.of(suite, stored)
+    for (model, rule, setting), case in board.worst_cases.items():
+        rows = [
+            row
+            for cell, result in stored
+            if (cell.model, cell.rule, cell.setting) == (model, rule, setting)
+            for row in result.rows
+        ]
+        means = {row.attack: np.mean(row.chosen["skill"]) for row in rows}  # type: ignore[arg-type]
+        assert means[case.attack] == min(means.values())
+    solo = [row for row in board.rows if row.model == "solo-threshold"]
+    assert [row.rule for row in solo if row.gain.mean == 0] == ["own"]
+    assert [row.rank for row in board.rows] == sorted(row.rank for row in board.rows)
+    # Finished cells are read, not played again.
+    again = ClosedLoopBoard.of(suite, play_suite(suite, InProcess(), out=tmp_path))
+    assert list(map(repr, again.rows)) == list(map(repr, board.rows))
+
+
+def test_agreed_scripts_survive_their_record() -> None:
+    attack = AgreedScripts(("rank-lies", "on-off"), (0.25, 0.5, 1.0))
+    assert read_record(record_of(attack)) == attack
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"settings": {"clean": {}}},
+        {"settings": {"raters": {"roles": ["SR"]}}},
+        {"settings": {"raters": {"roles": ["SR"], "share": 0.3, "silent": 0.5}}},
+        {"methods": ["replayed"]},
+        {"games": 0},
+    ],
+)
+def test_wrong_suites_are_refused(change: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        small_suite(**change)
