@@ -10,11 +10,8 @@ from itertools import islice
 from time import perf_counter
 from typing import Any, NamedTuple, TypeVar
 
-import numpy as np
-import numpy.typing as npt
-
 from roletrust_env.benchmarking.known_attacks import KnownAttack
-from roletrust_env.benchmarking.schema import AttackResult, CellResult, reason
+from roletrust_env.benchmarking.schema import AttackResult, CellResult, plain_numbers, reason
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import (
     HONEST,
@@ -460,7 +457,7 @@ def _measure_worst(
         if row.attack in names:
             scored = score(task, attacks[row.attack].attacker, seed, (1, games), twin).scores
             results[row.attack] = row._replace(
-                measured={name: _plain(values[0]) for name, values in scored.items()}
+                measured={name: plain_numbers(values[0]) for name, values in scored.items()}
             )
     return results
 
@@ -470,9 +467,9 @@ def _row(batch: AttackBatch, k: int, scores: SplitScores) -> AttackResult:
     plots.
     """
     chosen, measured = (
-        {name: _plain(values[k]) for name, values in half.items()} for half in scores[:2]
+        {name: plain_numbers(values[k]) for name, values in half.items()} for half in scores[:2]
     )
-    curve = [None if x is None else round(x, 3) for x in _plain(scores.by_round[:, k])]
+    curve = [None if x is None else round(x, 3) for x in plain_numbers(scores.by_round[:, k])]
     identity = batch.names[k], batch.words, batch.rounds
     return AttackResult(
         *identity, chosen, measured, curve, batch.record, batch.progress, bool(scores.treats[k])
@@ -484,9 +481,6 @@ def _in_common(task: AttackTask, attacker: Attacker, games: int) -> tuple[list[f
     `AttackResult.common`.
     """
     got, best, blind = watch(task, attacker, _COMMON, (1, games)).bought
-    return tuple(_plain(share_of_best(part[:, 0], best[:, 0]).value) for part in (got, blind))
-
-
-def _plain(values: npt.NDArray[np.float64]) -> list[float | None]:
-    """Return numbers as plain data. None is undefined."""
-    return [None if np.isnan(x) else float(x) for x in values]
+    return tuple(
+        plain_numbers(share_of_best(part[:, 0], best[:, 0]).value) for part in (got, blind)
+    )

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, NamedTuple, Protocol, Self
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import Field, FiniteFloat, model_validator
 
 from roletrust_env.errors import printable
@@ -94,6 +96,12 @@ Number = Annotated[float, Field(strict=True, ge=-1e9, le=1e9)]
 
 Numbers = list[Number | None]
 """Numbers of a result; None is undefined."""
+
+
+def plain_numbers(values: npt.NDArray[np.float64]) -> Numbers:
+    """Return numbers as plain data. NaN becomes None."""
+    return [None if np.isnan(x) else float(x) for x in values]
+
 
 Amount = Annotated[int, Field(strict=True, ge=0, le=10**15)]
 """Number of rounds that were played."""

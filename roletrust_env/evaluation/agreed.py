@@ -31,7 +31,7 @@ class AgreedScripts:
     """Scripted attacks that all agents of a role play alike, in a task with any number of agents.
 
     Attributes:
-        attacks: Specs of the attacks, such as `on-off:period=4`. None are honest play.
+        attacks: Specs of the attacks, such as `on-off:period=4`. An empty tuple is honest play.
         point: Point in the cube of the parameters that the specs leave open, see `Scripts`; None
             takes their defaults.
     """

@@ -26,14 +26,12 @@ class ScoreColumn(NamedTuple):
         name: Name in results and tables.
         low: Least value.
         high: Greatest value.
-        better: `"high"` or `"low"`.
         formula: Definition in plain text.
     """
 
     name: str
     low: float
     high: float
-    better: str
     formula: str
 
 
@@ -42,26 +40,20 @@ COLUMNS = (
         "skill",
         -1000.0,
         1000.0,
-        "high",
         "sum(received - blind) / sum(best - blind) over honest consumers, rounds and games",
     ),
-    ScoreColumn("regret", -1.0, 1.0, "low", "mean of best - received over rounds and games"),
-    ScoreColumn(
-        "attacker_share", 0.0, 1.0, "low", "services from compromised providers / all services"
-    ),
+    ScoreColumn("regret", -1.0, 1.0, "mean of best - received over rounds and games"),
+    ScoreColumn("attacker_share", 0.0, 1.0, "services from compromised providers / all services"),
     ScoreColumn(
         "attacker_earnings",
         0.0,
         1.0,
-        "low",
         "sum of 1 - quality over services from compromised providers / all services",
     ),
     ScoreColumn(
-        "brier", 0.0, 1.0, "low", "mean of (trust at the choice - quality received)^2 over services"
+        "brier", 0.0, 1.0, "mean of (trust at the choice - quality received)^2 over services"
     ),
-    ScoreColumn(
-        "silent_skill", -1000.0, 1000.0, "high", "skill of the consumers that send no reports"
-    ),
+    ScoreColumn("silent_skill", -1000.0, 1000.0, "skill of the consumers that send no reports"),
 )
 """The scores of a world. The skill is that of Murphy (1988); the third and the fourth are of
 attackers, NaN without them, and the last one is NaN where all consumers report. A skill is above 1

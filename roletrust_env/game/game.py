@@ -319,8 +319,8 @@ class Game(Frozen):
             state: State before the round; it is not changed.
             actions: Actions of all agents. Those of absent agents, and ratings of services that
                 were not received, are ignored, unless they are claims of a scenario with open
-                reports. A withheld rating is not sent in this round, neither as a claim, but the
-                service counts as provided.
+                reports. A withheld rating is not sent in this round, not even as a claim, but
+                the service counts as provided.
             noise: Noise of the round.
 
         Returns:

@@ -2,6 +2,7 @@
 learner attacks best.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from roletrust_env.benchmarking.closed_loop.board import MEANINGS, ClosedLoopBoard
+from roletrust_env.benchmarking.closed_loop.board import ClosedLoopBoard
 from roletrust_env.benchmarking.closed_loop.suite import ClosedLoopSuite
 from roletrust_env.benchmarking.cost import cell_costs, estimate_cost
 from roletrust_env.benchmarking.known_attacks import check_records, read_known_attacks
@@ -246,10 +247,9 @@ def _show_board(suite: ClosedLoopSuite, cells: Sequence[StoredCell], out: Path) 
     """Write and print the leaderboard of the closed loop."""
     board = ClosedLoopBoard.of(suite, cells)
     board.to_csv(out / "leaderboard.csv")
-    legend = "".join(f"- **{name}**: {meaning}.\n" for name, meaning in MEANINGS.items())
     command = reproduction_command(suite, out / "results.sqlite")
     about = f"Suite {suite.name}, version {suite.version}. Made by `{command}`."
-    write_text(out / "leaderboard.md", f"{board.to_markdown()}\n\n{about}\n\n{legend}")
+    write_text(out / "leaderboard.md", f"{board.to_markdown()}\n\n{about}\n\n{board.legend}")
     console.print(escape(repr(board)), soft_wrap=True)
     tell(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md")
 
@@ -319,11 +319,10 @@ def _show_cost(suite: AnySuite, workers: int | None) -> None:
         console.print(table)
         return
     if isinstance(suite, ClosedLoopSuite):
-        table = number_table(f"{suite.name}, at the most", "of one cell", "cells", "worlds")
-        for model, rule in suite.entrants:
-            cells = [cell for cell in suite.cells() if (cell.model, cell.rule) == (model, rule)]
-            worlds = suite.worlds.selection + suite.worlds.measured
-            table.add_row(f"{escape(model)} ({rule} rule)", f"{len(cells):,}", f"{worlds:,}")
+        table = number_table(suite.name, "worlds: those that each cell plays", "cells", "worlds")
+        worlds = suite.worlds.selection + suite.worlds.measured
+        for (model, rule), cells in Counter(cell[:2] for cell in suite.cells()).items():
+            table.add_row(f"{escape(model)} ({rule} rule)", f"{cells:,}", f"{worlds:,}")
         console.print(table)
         return
     for world_fields in suite.worlds.items():

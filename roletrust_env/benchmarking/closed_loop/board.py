@@ -2,8 +2,7 @@
 
 The worst case of a model in a setting is the attack with the lowest mean skill over the selection
 worlds; honest play is one of the candidates. Its skill is measured in other worlds. All worlds
-count alike, and are a random effect: intervals are over worlds. Opening
-results plays nothing.
+count alike, and are a random effect: intervals are over worlds. Opening results plays nothing.
 """
 
 from collections.abc import Sequence
@@ -192,6 +191,11 @@ class ClosedLoopBoard:
             )
         return cls(suite, rows, cases)
 
+    @property
+    def legend(self) -> str:
+        """Meaning of the columns, as a list in Markdown."""
+        return "".join(f"- **{name}**: {meaning}.\n" for name, meaning in MEANINGS.items())
+
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as a CSV file.
 
@@ -213,15 +217,14 @@ class ClosedLoopBoard:
         """Return the rows as a table of plain text."""
         lines = [_texts(row) for row in self.rows]
         widths = {name: max(len(name), *(len(line[name]) for line in lines)) for name in lines[0]}
-        heading = {name: name for name in lines[0]}
         text = ("  ".join(f"{line[name]:<{widths[name]}}" for name in widths) for line in lines)
-        head = "  ".join(f"{heading[name]:<{widths[name]}}" for name in widths)
+        head = "  ".join(f"{name:<{widths[name]}}" for name in widths)
         return "\n".join([f"Leaderboard, suite {self.suite.name}", head.rstrip(), *text])
 
     def _repr_markdown_(self) -> str:
         """Return the rows as a table for a notebook, with what its columns mean."""
-        legend = "".join(f"- **{name}**: {meaning}.\n" for name, meaning in MEANINGS.items())
-        return f"**Leaderboard, suite {self.suite.name}**\n\n{self.to_markdown()}\n\n{legend}"
+        title = f"**Leaderboard, suite {self.suite.name}**"
+        return f"{title}\n\n{self.to_markdown()}\n\n{self.legend}"
 
 
 def _worst_cases(

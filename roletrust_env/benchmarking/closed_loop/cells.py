@@ -11,16 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite
-from roletrust_env.benchmarking.closed_loop.worlds import AttackedWorld, Use
-from roletrust_env.benchmarking.schema import AttackResult, CellResult, reason
-from roletrust_env.evaluation.agreed import (
-    AgreedScripts,
-    seat,
-    with_missing_roles,
-)
+from roletrust_env.benchmarking.closed_loop.worlds import Use
+from roletrust_env.benchmarking.schema import AttackResult, CellResult, plain_numbers, reason
+from roletrust_env.evaluation.agreed import AgreedScripts, seat, with_missing_roles
 from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker, read_record
 from roletrust_env.evaluation.isolated import IsolatedModel
-from roletrust_env.evaluation.measurement import TaskArguments, exact_task
+from roletrust_env.evaluation.measurement import exact_task
 from roletrust_env.evaluation.received import RANGES, measure_world
 from roletrust_env.evaluation.search import UnsuitableError
 from roletrust_env.evaluation.specs import is_own_model, parse_trust_model
@@ -75,29 +71,22 @@ class CellPlay:
         self._tasks: dict[tuple[Use, int], AttackTask] = {}
         self._models: list[IsolatedModel] = []
 
-    def world(self, use: Use, number: int) -> AttackedWorld:
-        """Return a world with its compromised agents."""
-        return self.suite.world(self.cell, use, number)
-
-    def arguments(self, use: Use, number: int) -> TaskArguments:
-        """Return the arguments of the attack task of a world with compromised agents.
+    def task(self, use: Use, number: int) -> AttackTask:
+        """Return the attack task of a world with compromised agents, in double precision.
 
         Raises:
             ValueError: The trust model cannot be created, or a world has too few agents.
         """
-        scenario, compromised = self.world(use, number)
-        return {
-            "scenario": scenario,
-            "trust_model": self._model(scenario),
-            "compromised": compromised,
-            "objective": "mislead",
-            "consumers": "received",
-        }
-
-    def task(self, use: Use, number: int) -> AttackTask:
-        """Return the attack task of a world in double precision."""
         if (use, number) not in self._tasks:
-            self._tasks[use, number] = exact_task(self.arguments(use, number))
+            scenario, compromised = self.suite.world(self.cell, use, number)
+            arguments = {
+                "scenario": scenario,
+                "trust_model": self._model(scenario),
+                "compromised": compromised,
+                "objective": "mislead",
+                "consumers": "received",
+            }
+            self._tasks[use, number] = exact_task(arguments)
         return self._tasks[use, number]
 
     def measure(self, use: Use, attacks: Sequence[Attacker]) -> tuple[dict[str, Floats], Floats]:
@@ -139,9 +128,9 @@ class CellPlay:
         attacks and the names of the compromised agents.
         """
         if not self.suite.settings[self.cell.setting].roles:
-            scenario = self.world(use, number).scenario
-            silent = attackers.make("silent") if self.suite.silent(self.cell, scenario) else None
-            policies = {name: silent for name in self.suite.silent(self.cell, scenario) if silent}
+            scenario = self.suite.world(self.cell, use, number).scenario
+            silent = self.suite.silent(self.cell, scenario)
+            policies = dict.fromkeys(silent, attackers.make("silent")) if silent else {}
             yield [0], JointPolicy(Game(scenario, self._model(scenario)), policies), ()
             return
         task = self.task(use, number)
@@ -254,14 +243,9 @@ def _results(play: CellPlay, found: Sequence[FoundAttack]) -> list[AttackResult]
             attack.name,
             attack.words,
             0,
-            {"skill": _plain(chosen[:, k])},
-            {name: _plain(values[:, k]) for name, values in measured.items()},
-            [None if x is None else round(x, 4) for x in _plain(regret[:, k])],
+            {"skill": plain_numbers(chosen[:, k])},
+            {name: plain_numbers(values[:, k]) for name, values in measured.items()},
+            [None if x is None else round(x, 4) for x in plain_numbers(regret[:, k])],
         )
         for k, attack in enumerate(found)
     ]
-
-
-def _plain(values: Floats) -> list[float | None]:
-    """Return numbers as plain data. None is undefined."""
-    return [None if np.isnan(x) else float(x) for x in values]

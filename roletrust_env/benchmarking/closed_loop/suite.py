@@ -31,8 +31,6 @@ Rule = Literal["common", "own"]
 Method = Literal["scripts", "replayed"]
 """Way to attack: scripted attacks with default parameters, or attacks that somebody found."""
 
-_Part = Annotated[float, Field(gt=0, lt=1)]
-
 
 class Setting(FrozenModel):
     """Compromised agents, and what they and all others may report."""
@@ -117,8 +115,8 @@ class ClosedLoopSuite(SuiteSchema):
     games: Annotated[int, Field(ge=1, le=100_000)] = 8
     """Number of games in each world."""
     models: tuple[Label, ...] | Literal["all"] = "all"
-    """Specs of trust models. `all` means all registered or installed ones. A model with a choice
-    rule of its own is played by this rule, too."""
+    """Specs of trust models. `all` means all registered or installed ones. A model with its own
+    choice rule is also played by this rule."""
     solo: Label = "solo-threshold"
     """Spec of the trust model that listens to nobody, against which the gain is measured. It is
     played by its own choice rule if it has one."""
