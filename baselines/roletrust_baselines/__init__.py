@@ -1,15 +1,13 @@
 """Scripted attackers. Importing this package registers them."""
 
 from roletrust_baselines.coalition import (
-    CheatingRing,
     Collusion,
-    MilkingRing,
     Orchestrated,
-    PersonalMilkingRing,
     Promotion,
     RankLies,
     ReviewBurst,
     SelfPromotion,
+    ShiftedLies,
     Sleeper,
     SwapEnds,
 )
@@ -42,6 +40,7 @@ from roletrust_baselines.rater import (
     Silent,
     TransitiveLying,
 )
+from roletrust_baselines.ring import CheatingRing, MilkingRing, PersonalMilkingRing
 from roletrust_baselines.treatment import (
     Conflicting,
     Discrimination,
@@ -79,6 +78,7 @@ registry.register("orchestrated", Orchestrated)
 registry.register("self-promotion", SelfPromotion)
 registry.register("rank-lies", RankLies)
 registry.register("promotion", Promotion)
+registry.register("shifted-lies", ShiftedLies)
 registry.register("swap-ends", SwapEnds)
 registry.register("sleeper", Sleeper)
 registry.register("review-burst", ReviewBurst)
@@ -121,6 +121,7 @@ __all__ = [
     "ReviewBurst",
     "Rotation",
     "SelfPromotion",
+    "ShiftedLies",
     "Silent",
     "Sleeper",
     "SwapEnds",

@@ -4,9 +4,9 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, NonNegativeInt, PositiveInt
 
-from roletrust_baselines.coalition import PersonalMilkingRing, Ring
 from roletrust_baselines.provider import OnOff
 from roletrust_baselines.rater import BadMouthing
+from roletrust_baselines.ring import PersonalMilkingRing, Ring
 from roletrust_env.arrays import Array
 from roletrust_env.game.policy import ByChannel, Channel, Policy
 from roletrust_env.game.views import IdentityView

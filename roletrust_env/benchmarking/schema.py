@@ -115,7 +115,8 @@ class AttackResult(NamedTuple):
         words: Short description of the attack.
         rounds: Number of game rounds that were played to find the attack.
         chosen: Scores by name in the games for choosing the worst case. Empty if nothing is chosen.
-        measured: Scores by name in the games for measuring.
+        measured: Scores by name in the games for measuring. Empty for an attack that was not
+            measured, since another one of its cell is worse.
         by_round: Mean utility over the games for measuring in each round from the second on. None
             is undefined.
         record: Record of the attacker that a search found, see

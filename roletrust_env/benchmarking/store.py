@@ -214,9 +214,11 @@ class ResultStore:
 
     def _has_scores(self, row: AttackResult) -> bool:
         """Return whether an attack has the scores of the suite, each for the same games and within
-        its range.
+        its range. An attack that was chosen from may lack the measured ones.
         """
-        parts = (row.chosen, self.suite.chosen_scores), (row.measured, self.suite.measured_scores)
+        parts = [(row.chosen, self.suite.chosen_scores)]
+        if row.measured or not row.chosen:
+            parts.append((row.measured, self.suite.measured_scores))
         sizes = [{len(part.get(name, ())) for name in ranges} for part, ranges in parts]
         return all(len(lengths) <= 1 and 0 not in lengths for lengths in sizes) and all(
             value is None or low - _ROUNDING <= value <= high + _ROUNDING

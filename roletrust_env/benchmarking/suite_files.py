@@ -53,7 +53,7 @@ def load_suite(suite: str | Path, worlds: int | None = None) -> AnySuite:
         path = _FOLDER / f"{suite}.toml"
     fields = {"name": path.stem, **_fields(path)}
     if worlds is not None:
-        if "worlds" not in fields:
+        if not isinstance(fields.get("worlds"), Mapping):
             raise ValueError(
                 f"suite {suite} has no table of worlds, so none can be drawn with another seed"
             )

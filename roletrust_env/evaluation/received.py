@@ -5,7 +5,7 @@ nothing that a trust model or an attacker does.
 """
 
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,54 +19,63 @@ from roletrust_env.world.scenario import Choice
 Floats = npt.NDArray[np.float64]
 
 
-class ScoreColumn(NamedTuple):
-    """A score of a world: the one table that results, leaderboards and pages read.
+class Score(NamedTuple):
+    """A score of a world. Results, leaderboards and pages read it from `SCORES`.
 
     Attributes:
         name: Name in results and tables.
         low: Least value.
         high: Greatest value.
+        better: Better direction for consumers.
         formula: Definition in plain text.
     """
 
     name: str
     low: float
     high: float
+    better: Literal["higher", "lower"]
     formula: str
 
 
-COLUMNS = (
-    ScoreColumn(
-        "skill",
-        -1000.0,
-        1000.0,
-        "sum(received - blind) / sum(best - blind) over honest consumers, rounds and games",
-    ),
-    ScoreColumn("regret", -1.0, 1.0, "mean of best - received over rounds and games"),
-    ScoreColumn("attacker_share", 0.0, 1.0, "services from compromised providers / all services"),
-    ScoreColumn(
-        "attacker_earnings",
-        0.0,
-        1.0,
-        "sum of 1 - quality over services from compromised providers / all services",
-    ),
-    ScoreColumn(
-        "brier", 0.0, 1.0, "mean of (trust at the choice - quality received)^2 over services"
-    ),
-    ScoreColumn("silent_skill", -1000.0, 1000.0, "skill of the consumers that send no reports"),
-)
-"""The scores of a world. The skill is that of Murphy (1988); the third and the fourth are of
-attackers, NaN without them, and the last one is NaN where all consumers report. A skill is above 1
-where compromised providers serve better than the best honest one."""
+SCORES = {
+    score.name: score
+    for score in (
+        Score(
+            *("skill", -1000.0, 1000.0, "higher"),
+            "sum of (received - blind) / sum of (best - blind), over honest consumers, rounds and "
+            "games; 1 is always the best honest provider, 0 is chance",
+        ),
+        Score(*("regret", -1.0, 1.0, "lower"), "mean of best - received over rounds and games"),
+        Score(
+            *("attacker_share", 0.0, 1.0, "lower"),
+            "services from compromised providers / all services",
+        ),
+        Score(
+            *("attacker_earnings", 0.0, 1.0, "lower"),
+            "sum of 1 - quality over services from compromised providers / all services",
+        ),
+        Score(
+            *("brier", 0.0, 1.0, "lower"),
+            "mean of (trust at the choice - quality received)^2 over services",
+        ),
+        Score(
+            *("silent_skill", -1000.0, 1000.0, "higher"),
+            "skill of the consumers that send no reports",
+        ),
+    )
+}
+"""The scores of a world by name, all without a unit. The skill is that of Murphy (1988); the third
+and the fourth are of attackers, NaN without them, and the last one is NaN where all consumers
+report. A skill is above 1 where compromised providers serve better than the best honest one."""
 
-RANGES = {column.name: (column.low, column.high) for column in COLUMNS}
+RANGES = {score.name: (score.low, score.high) for score in SCORES.values()}
 
 
 class WorldScores(NamedTuple):
     """The scores of K attacks in the games of a world.
 
     Attributes:
-        scores: Scores by name, shape (K,) each; NaN where undefined, see `COLUMNS`.
+        scores: Scores by name, shape (K,) each; NaN where undefined, see `SCORES`.
         regret_by_round: Mean regret in each round over the games, shape (T, K).
     """
 

@@ -12,7 +12,7 @@ import typer
 from rich.markup import escape
 
 from roletrust_env.benchmarking.closed_loop.board import ClosedLoopBoard
-from roletrust_env.benchmarking.closed_loop.suite import ClosedLoopSuite
+from roletrust_env.benchmarking.closed_loop.suite import ClosedLoopSuite, with_models
 from roletrust_env.benchmarking.cost import cell_costs, estimate_cost
 from roletrust_env.benchmarking.known_attacks import check_records, read_known_attacks
 from roletrust_env.benchmarking.leaderboard import Leaderboard
@@ -247,11 +247,12 @@ def _show_board(suite: ClosedLoopSuite, cells: Sequence[StoredCell], out: Path) 
     """Write and print the leaderboard of the closed loop."""
     board = ClosedLoopBoard.of(suite, cells)
     board.to_csv(out / "leaderboard.csv")
+    board.cases_to_csv(out / "worst_cases.csv")
     command = reproduction_command(suite, out / "results.sqlite")
     about = f"Suite {suite.name}, version {suite.version}. Made by `{command}`."
     write_text(out / "leaderboard.md", f"{board.to_markdown()}\n\n{about}\n\n{board.legend}")
     console.print(escape(repr(board)), soft_wrap=True)
-    tell(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md")
+    tell(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md, worst_cases.csv")
 
 
 def _asked(
@@ -284,10 +285,7 @@ def _asked(
         if not allow_code:
             check_installed(trust_models, suite.models)
             check_installed(attackers, (*suite.attacks, *suite.usual.values()))
-        models = _expanded(model, suite.model_copy(update={"models": "all"}).model_names)
-        asked = suite.model_copy(update={"models": tuple(models) or suite.models})
-        asked.entrants  # noqa: B018  # makes the models
-        return asked
+        return with_models(suite, _expanded(model, trust_models.names()) or suite.models)
     if not allow_code:
         check_installed_names(suite)
     everything = suite.model_copy(update={"models": "all", "attacks": "all"})

@@ -2,20 +2,22 @@
 
 The worst case of a model in a setting is the attack with the lowest mean skill over the selection
 worlds; honest play is one of the candidates. Its skill is measured in other worlds. All worlds
-count alike, and are a random effect: intervals are over worlds. Opening results plays nothing.
+count alike, and are a random effect: intervals are over worlds. Models that choose by the common
+rule and models that choose by their own rule are ranked apart. Opening results plays nothing.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite, Rule
+from roletrust_env.benchmarking.closed_loop.suite import RULES, Cell, ClosedLoopSuite, Rule
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.verdict import verdict
+from roletrust_env.evaluation.received import SCORES
 from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.files import write_csv
@@ -23,38 +25,101 @@ from roletrust_env.storage.markdown import markdown_table
 
 Floats = npt.NDArray[np.float64]
 
+CONVERGED = 0.01
+"""Difference of skill up to which a search has converged, and its starts agree."""
 
-class SettingWorstCase(NamedTuple):
+
+class Column(NamedTuple):
+    """A column of the leaderboard: the mean of a score over settings and worlds.
+
+    Attributes:
+        name: Name.
+        score: Name of the score, see `SCORES`.
+        settings: Settings with compromised agents, those without, or those with silent consumers.
+        shown: Whether tables for readers have the column; the CSV file has all.
+        meaning: Definition.
+    """
+
+    name: str
+    score: str
+    settings: Literal["attacked", "honest", "silent"]
+    shown: bool
+    meaning: str
+
+
+COLUMNS = (
+    Column("worst", "skill", "attacked", True, "skill score in the worst case of each setting"),
+    Column(
+        *("gain", "skill", "attacked", True),
+        "worst case less that of the solo model, which listens to nobody; below 0 the model is "
+        "worse than no reputation system",
+    ),
+    Column("clean", "skill", "honest", True, "skill score while all agents are honest"),
+    Column(
+        *("silent", "silent_skill", "silent", False),
+        "skill score of consumers that send no reports, while all agents are honest",
+    ),
+    Column("regret", "regret", "attacked", False, SCORES["regret"].formula),
+    Column(
+        *("attacker_share", "attacker_share", "attacked", True),
+        "share of the services that came from compromised providers",
+    ),
+    Column(
+        *("attacker_earnings", "attacker_earnings", "attacked", False),
+        SCORES["attacker_earnings"].formula,
+    ),
+    Column(
+        *("brier", "brier", "attacked", True),
+        "mean squared difference between trust at the choice and the quality received",
+    ),
+)
+"""The columns of estimates. Those of settings with compromised agents are of the worst cases."""
+
+_TIER = "models of a tier are not significantly different from its best one (95%)"
+
+
+class WorstCase(NamedTuple):
     """Worst case of a trust model in a setting.
 
     Attributes:
         attack: Name of the attack.
+        words: Short description of the attack.
         method: Way to attack that found it.
-        scores: Scores in each measured world by name, shape (W,) each, see
-            `roletrust_env.evaluation.received.COLUMNS`.
+        record: Record of the attacker, see `roletrust_env.evaluation.attackers`.
+        scores: Scores in each measured world by name, shape (W,) each, see `SCORES`.
+        by_round: Mean regret in each round.
+        last_gain: Skill that the last doubling of its budget took from the model in a search; NaN
+            without a search.
+        disagreement: Difference between the skills at the end of two starts of the search, the
+            largest one; NaN without a second start.
     """
 
     attack: str
+    words: str
     method: str
+    record: str
     scores: dict[str, Floats]
+    by_round: Sequence[float | None]
+    last_gain: float
+    disagreement: float
+
+    @property
+    def skill(self) -> float:
+        """Mean skill over the measured worlds."""
+        return float(mean_or_nan(self.scores["skill"], axis=0))
 
 
 class BoardRow(NamedTuple):
-    """Row of the leaderboard. Estimates are means over worlds with half their 95% interval.
+    """Row of the leaderboard.
 
     Attributes:
-        tier: Tier, which counts from 1. Models of a tier are not significantly different from its
-            best one. None if the model lacks results.
+        tier: Tier among the models with the same choice rule, which counts from 1. None if the
+            model lacks results.
         rank: Rank by the worst case, which counts from 1.
         model: Spec of the trust model.
         rule: Choice rule of the consumers.
-        worst: Skill in the worst case, the mean over the settings with attackers.
-        gain: This skill less that of the solo model. Below 0 the model is worse than no reputation
-            system.
-        clean: Skill while all agents are honest.
-        attacker_share: Share of the services that came from compromised providers, in the worst
-            cases of settings that have some.
-        brier: Brier score of trust against the quality received, in the worst cases.
+        estimates: Means over worlds with half their 95% interval, by the name of the column, see
+            `COLUMNS`.
         worst_setting: Setting with the lowest skill.
         worst_attack: Worst attack in this setting.
         missing: Number of cells that failed or have not been played.
@@ -64,42 +129,25 @@ class BoardRow(NamedTuple):
     rank: int
     model: str
     rule: Rule
-    worst: Estimate
-    gain: Estimate
-    clean: Estimate
-    attacker_share: Estimate
-    brier: Estimate
+    estimates: dict[str, Estimate]
     worst_setting: str
     worst_attack: str
     missing: int
 
-    def line(self) -> list[object]:
-        """Return the row as plain values in the order of `HEADER`."""
-        return [
-            part
-            for value in self
-            for part in (value[:2] if isinstance(value, Estimate) else (value,))
-        ]
 
-
-HEADER = tuple(
-    column
-    for name, kind in BoardRow.__annotations__.items()
-    for column in ((name, f"{name}_half_95") if kind is Estimate else (name,))
+HEADER = (
+    *("tier", "rank", "model", "rule"),
+    *(name for column in COLUMNS for name in (column.name, f"{column.name}_half_95")),
+    *("worst_setting", "worst_attack", "missing"),
 )
-"""Column names of the leaderboard as a table."""
+"""Column names of the leaderboard as a CSV file."""
 
-MEANINGS = {
-    "tier": "models of a tier are not significantly different from its best one (95%)",
-    "rule": "choice rule of consumers: greedy with forced exploration, or that of the model",
-    "worst": "skill in the worst case, ± half the 95% interval over worlds: 1 is always the best "
-    "honest provider, 0 is chance",
-    "gain": "this skill less that of the solo model, which listens to nobody",
-    "clean": "skill while all agents are honest",
-    "attackers": "share of the services that came from compromised providers, in the worst cases",
-    "Brier": "mean squared difference between trust and the quality received, in the worst cases",
-}
-"""Meaning of the displayed columns."""
+CASES_HEADER = (
+    *("model", "rule", "setting", "attack", "words", "method"),
+    *(name for score in SCORES for name in (score, f"{score}_half_95")),
+    *("last_gain", "disagreement"),
+)
+"""Column names of the worst cases as a CSV file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,13 +156,14 @@ class ClosedLoopBoard:
 
     Attributes:
         suite: Suite of the run.
-        rows: Trust models by their choice rule, from the best to the worst.
+        rows: Trust models with the common choice rule, from the best to the worst, then those with
+            their own one.
         worst_cases: Worst case by model, choice rule and setting.
     """
 
     suite: ClosedLoopSuite
     rows: list[BoardRow]
-    worst_cases: dict[tuple[str, Rule, str], SettingWorstCase]
+    worst_cases: dict[tuple[str, Rule, str], WorstCase]
 
     @classmethod
     def of(cls, suite: ClosedLoopSuite, stored: Sequence[tuple[Cell, CellResult]]) -> Self:
@@ -126,75 +175,30 @@ class ClosedLoopBoard:
         """
         cases = _worst_cases(stored)
         played = {cell.key for cell, result in stored if not result.failed}
-        every = suite.cells()
-        entrants = list(dict.fromkeys((cell.model, cell.rule) for cell in every))
-        missing = [
-            sum(cell.key not in played for cell in every if (cell.model, cell.rule) == entrant)
-            for entrant in entrants
-        ]
-        worlds = suite.worlds.measured
-        attacked = [name for name, setting in suite.settings.items() if setting.roles]
-        honest = [
-            name
-            for name, setting in suite.settings.items()
-            if not setting.roles and not setting.silent
-        ]
-
-        def table(settings: Sequence[str], score: str) -> Floats:
-            """Return the mean over settings for each entrant and world, shape (M, W)."""
-            grid = np.full((len(entrants), len(settings) or 1, worlds), np.nan)
-            for m, entrant in enumerate(entrants):
-                for s, setting in enumerate(settings):
-                    if (*entrant, setting) in cases:
-                        grid[m, s] = cases[(*entrant, setting)].scores[score]
-            return mean_or_nan(grid, axis=1)
-
-        worst = table(attacked, "skill")
-        solo_rules = [k for k, (model, _) in enumerate(entrants) if model == suite.solo]
-        columns = {
-            "worst": worst,
-            "gain": worst - worst[solo_rules[-1]],  # by its own rule if it has one
-            "clean": table(honest, "skill"),
-            "attacker_share": table(attacked, "attacker_share"),
-            "brier": table(attacked, "brier"),
-        }
-        estimates = {
-            name: over_seeds(values[:, None], len(entrants)).estimates
-            for name, values in columns.items()
-        }
-        keys = [
-            (lacking > 0, np.inf if np.isnan(mean) else -round(mean, 9))
-            for lacking, (mean, *_) in zip(missing, estimates["worst"], strict=True)
-        ]
-        order = sorted(range(len(entrants)), key=lambda k: keys[k])
-        judged = [k for k in order if not missing[k] and not np.isnan(keys[k][1])]
-        tiers = dict(zip(judged, verdict(worst[judged][:, None]).tiers, strict=True))
-        rows = []
-        for k in order:
-            own = {name: cases[key] for name in attacked if (key := (*entrants[k], name)) in cases}
-            lowest = min(own, key=lambda name: _skill(own[name]), default="")
-            rows.append(
-                BoardRow(
-                    tier=tiers.get(k),
-                    rank=[keys[j] for j in order].index(keys[k]) + 1,
-                    model=entrants[k][0],
-                    rule=entrants[k][1],
-                    worst=estimates["worst"][k],
-                    gain=estimates["gain"][k],
-                    clean=estimates["clean"][k],
-                    attacker_share=estimates["attacker_share"][k],
-                    brier=estimates["brier"][k],
-                    worst_setting=lowest,
-                    worst_attack=own[lowest].attack if lowest else "",
-                    missing=missing[k],
-                )
-            )
+        rows = [row for rule in RULES for row in _rows(suite, rule, cases, played)]
         return cls(suite, rows, cases)
 
     @property
     def legend(self) -> str:
         """Meaning of the columns, as a list in Markdown."""
-        return "".join(f"- **{name}**: {meaning}.\n" for name, meaning in MEANINGS.items())
+        meanings = {"tier": _TIER} | {c.name: c.meaning for c in COLUMNS if c.shown}
+        lines = (f"- **{_title(name)}**: {meaning}.\n" for name, meaning in meanings.items())
+        note = "- Estimates are means over the measured worlds ± half the 95% interval.\n"
+        return "".join(lines) + note
+
+    @property
+    def convergence(self) -> str:
+        """Number of searches that converged, in one sentence; empty without a search."""
+        gains = np.array([case.last_gain for case in self.worst_cases.values()])
+        apart = np.array([case.disagreement for case in self.worst_cases.values()])
+        searched, twice = gains[~np.isnan(gains)], apart[~np.isnan(apart)]
+        if not len(searched):
+            return ""
+        return (
+            f"The last doubling of the budget gained less than {CONVERGED} in "
+            f"{(searched < CONVERGED).sum()} of {len(searched)} searches; two starts agree within "
+            f"{CONVERGED} in {(twice < CONVERGED).sum()} of {len(twice)}."
+        )
 
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as a CSV file.
@@ -202,44 +206,167 @@ class ClosedLoopBoard:
         Raises:
             OSError: The file cannot be written.
         """
-        write_csv(Path(path), HEADER, [row.line() for row in self.rows])
+        lines = [
+            (
+                *row[:4],
+                *(x for column in COLUMNS for x in row.estimates[column.name][:2]),
+                *row[-3:],
+            )
+            for row in self.rows
+        ]
+        write_csv(Path(path), HEADER, lines)
+
+    def cases_to_csv(self, path: str | Path) -> None:
+        """Write the worst case of each model in each setting as a CSV file.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        lines = [
+            (
+                *(*key, case.attack, case.words, case.method),
+                *(x for score in SCORES for x in _estimates(case.scores[score][None])[0][:2]),
+                *(case.last_gain, case.disagreement),
+            )
+            for key, case in self.worst_cases.items()
+        ]
+        write_csv(Path(path), CASES_HEADER, lines)
 
     def to_markdown(self) -> str:
-        """Return the rows as a table in Markdown."""
-        lines = [_texts(row) for row in self.rows]
-        for line in lines:
-            line["model"] = f"`{line['model']}`"
-        columns = tuple(_texts(self.rows[0]))
-        names = ("model", "rule", "worst attack")
-        return markdown_table(columns, [list(line.values()) for line in lines], names=names)
+        """Return the rows as tables in Markdown, one for each choice rule."""
+        parts = []
+        for rule, lines in self._tables():
+            names = ("model", "worst attack")
+            for line in lines:
+                line["model"] = f"`{line['model']}`"
+            table = markdown_table(tuple(lines[0]), [list(x.values()) for x in lines], names=names)
+            parts.append(f"{_HEADINGS[rule]}\n\n{table}")
+        return "\n\n".join(parts)
 
     def __repr__(self) -> str:
-        """Return the rows as a table of plain text."""
-        lines = [_texts(row) for row in self.rows]
-        widths = {name: max(len(name), *(len(line[name]) for line in lines)) for name in lines[0]}
-        text = ("  ".join(f"{line[name]:<{widths[name]}}" for name in widths) for line in lines)
-        head = "  ".join(f"{name:<{widths[name]}}" for name in widths)
-        return "\n".join([f"Leaderboard, suite {self.suite.name}", head.rstrip(), *text])
+        """Return the rows as tables of plain text."""
+        parts = [f"Leaderboard, suite {self.suite.name}"]
+        for rule, lines in self._tables():
+            widths = {x: max(len(x), *(len(line[x]) for line in lines)) for x in lines[0]}
+            texts = [dict.fromkeys(lines[0], ""), *lines]
+            texts[0] = {name: name for name in lines[0]}
+            text = ("  ".join(f"{t[x]:<{widths[x]}}" for x in widths).rstrip() for t in texts)
+            parts.append("\n".join([_HEADINGS[rule], *text]))
+        return "\n".join(parts)
 
     def _repr_markdown_(self) -> str:
-        """Return the rows as a table for a notebook, with what its columns mean."""
+        """Return the rows as tables for a notebook, with what their columns mean."""
         title = f"**Leaderboard, suite {self.suite.name}**"
         return f"{title}\n\n{self.to_markdown()}\n\n{self.legend}"
+
+    def _tables(self) -> list[tuple[Rule, list[dict[str, str]]]]:
+        """Return the displayed columns of each table as text."""
+        tables = [(rule, [_texts(row) for row in self.rows if row.rule == rule]) for rule in RULES]
+        return [(rule, lines) for rule, lines in tables if lines]
+
+
+_HEADINGS: dict[Rule, str] = {
+    "common": "Common choice rule: the provider of the highest trust, with forced exploration",
+    "own": "Own choice rule of the model, without forced exploration",
+}
+
+
+def _rows(
+    suite: ClosedLoopSuite,
+    rule: Rule,
+    cases: dict[tuple[str, Rule, str], WorstCase],
+    played: set[str],
+) -> list[BoardRow]:
+    """Return the rows of a choice rule, from the best to the worst."""
+    models = [model for model, own in suite.entrants if own == rule]
+    expected = [cell for cell in suite.cells() if cell.rule == rule]
+    missing = [
+        sum(cell.key not in played for cell in expected if cell.model == model) for model in models
+    ]
+    kinds = {
+        name: "attacked" if setting.roles else "silent" if setting.silent else "honest"
+        for name, setting in suite.settings.items()
+    }
+
+    def table(column: Column) -> Floats:
+        """Return the mean over settings for each model and world, shape (M, W)."""
+        settings = [name for name, kind in kinds.items() if kind == column.settings]
+        grid = np.full((len(models), max(1, len(settings)), suite.worlds.measured), np.nan)
+        for m, model in enumerate(models):
+            for s, setting in enumerate(settings):
+                if (model, rule, setting) in cases:
+                    grid[m, s] = cases[model, rule, setting].scores[column.score]
+        return mean_or_nan(grid, axis=1)
+
+    values = {column.name: table(column) for column in COLUMNS}
+    worst = values["worst"]
+    solo = suite.solo[rule]
+    values["gain"] = worst - worst[models.index(solo)] if solo in models else np.nan * worst
+    estimates = {name: _estimates(grid) for name, grid in values.items()}
+    keys = [
+        (lacking > 0, np.inf if np.isnan(mean) else -round(mean, 9))
+        for lacking, (mean, *_) in zip(missing, estimates["worst"], strict=True)
+    ]
+    order = sorted(range(len(models)), key=lambda k: keys[k])
+    judged = [k for k in order if not missing[k] and not np.isnan(keys[k][1])]
+    tiers = dict(zip(judged, verdict(worst[judged][:, None]).tiers, strict=True))
+    rows = []
+    for k in order:
+        own = {
+            name: case
+            for name, kind in kinds.items()
+            if kind == "attacked" and (case := cases.get((models[k], rule, name)))
+        }
+        lowest = min(own, key=lambda name: own[name].skill, default="")
+        rows.append(
+            BoardRow(
+                tier=tiers.get(k),
+                rank=[keys[j] for j in order].index(keys[k]) + 1,
+                model=models[k],
+                rule=rule,
+                estimates={name: parts[k] for name, parts in estimates.items()},
+                worst_setting=lowest,
+                worst_attack=own[lowest].attack if lowest else "",
+                missing=missing[k],
+            )
+        )
+    return rows
 
 
 def _worst_cases(
     stored: Sequence[tuple[Cell, CellResult]],
-) -> dict[tuple[str, Rule, str], SettingWorstCase]:
+) -> dict[tuple[str, Rule, str], WorstCase]:
     candidates: dict[tuple[str, Rule, str], list[tuple[Cell, AttackResult]]] = {}
     for cell, result in stored:
         for row in result.rows:
             candidates.setdefault((cell.model, cell.rule, cell.setting), []).append((cell, row))
     cases = {}
     for key, attacks in candidates.items():
-        cell, row = min(attacks, key=lambda attack: _mean(attack[1].chosen["skill"]))
-        scores = {name: np.array(values, np.float64) for name, values in row.measured.items()}
-        cases[key] = SettingWorstCase(row.attack, cell.method, scores)
+        measured = [attack for attack in attacks if attack[1].measured]
+        cell, row = min(measured, key=lambda attack: _mean(attack[1].chosen["skill"]))
+        starts = [row for cell, row in attacks if cell.method == "search"]
+        cases[key] = WorstCase(
+            row.attack,
+            row.words,
+            cell.method,
+            row.record,
+            {name: np.array(values, np.float64) for name, values in row.measured.items()},
+            row.by_round,
+            max((_last_gain(start) for start in starts), default=np.nan),
+            _disagreement([_mean(start.chosen["skill"]) for start in starts]),
+        )
     return cases
+
+
+def _last_gain(row: AttackResult) -> float:
+    """Return the skill that the last doubling of the rounds of a search took from the model."""
+    rounds, last = row.progress[-1]
+    earlier = [skill for played, skill in row.progress if 2 * played <= rounds]
+    return earlier[-1] - last if earlier else np.nan
+
+
+def _disagreement(skills: Sequence[float]) -> float:
+    return max(skills) - min(skills) if len(skills) > 1 else np.nan
 
 
 def _mean(values: Sequence[float | None]) -> float:
@@ -248,8 +375,13 @@ def _mean(values: Sequence[float | None]) -> float:
     return np.inf if np.isnan(mean) else mean
 
 
-def _skill(case: SettingWorstCase) -> float:
-    return float(mean_or_nan(case.scores["skill"], axis=0))
+def _estimates(values: Floats) -> list[Estimate]:
+    """Return the mean over worlds for each row, shape (M, W)."""
+    return over_seeds(values[:, None], len(values)).estimates
+
+
+def _title(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def _texts(row: BoardRow) -> dict[str, str]:
@@ -259,17 +391,12 @@ def _texts(row: BoardRow) -> dict[str, str]:
         "tier": "-" if row.tier is None else str(row.tier),
         "rank": str(row.rank),
         "model": row.model,
-        "rule": row.rule,
-        "worst": _estimate(row.worst),
-        "gain": _estimate(row.gain),
-        "clean": _estimate(row.clean),
-        "attackers": _estimate(row.attacker_share),
-        "Brier": _estimate(row.brier),
+        **{_title(c.name): _number(row.estimates[c.name]) for c in COLUMNS if c.shown},
         "worst attack": f"{row.missing} failed or missing" if row.missing else attack,
     }
 
 
-def _estimate(estimate: Estimate) -> str:
+def _number(estimate: Estimate) -> str:
     if estimate.mean != estimate.mean:
         return "-"
     half = f" ± {estimate.half:.3f}" if estimate.half == estimate.half else ""

@@ -2,10 +2,10 @@
 cells.
 """
 
-from collections.abc import Callable, Mapping
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
-from pydantic import Field, PositiveInt, model_validator
+from pydantic import Field, PositiveInt, TypeAdapter, model_validator
 
 from roletrust_env.benchmarking.closed_loop.worlds import (
     AttackedWorld,
@@ -28,8 +28,15 @@ Rule = Literal["common", "own"]
 """Choice rule of consumers: `common`, greedy by their own trust with forced exploration, or the
 `own` rule of the trust model."""
 
-Method = Literal["scripts", "replayed"]
-"""Way to attack: scripted attacks with default parameters, or attacks that somebody found."""
+Method = Literal["scripts", "replayed", "search"]
+"""Way to attack: scripted attacks with default parameters, attacks that somebody found, or a search
+over scripted attacks and their parameters."""
+
+
+_HONEST: tuple[Literal["honest"]] = ("honest",)
+_POSITIVE = TypeAdapter(PositiveInt)
+
+RULES: tuple[Rule, ...] = ("common", "own")
 
 
 class Setting(FrozenModel):
@@ -75,6 +82,17 @@ class ReplayedAttack(FrozenModel):
     """Record of the attacker, see `roletrust_env.evaluation.attackers`."""
 
 
+class Search(FrozenModel):
+    """Budget of a search for an attack, the same for each trust model and setting."""
+
+    candidates: PositiveInt = 96
+    """Number of attacks that each start tries."""
+    games: PositiveInt = 2
+    """Number of games in each selection world in which they are tried."""
+    starts: Annotated[int, Field(ge=1, le=10)] = 2
+    """Number of independent starts."""
+
+
 class Cell(NamedTuple):
     """Smallest unit of a benchmark: a trust model in a setting under one way to attack.
 
@@ -82,7 +100,8 @@ class Cell(NamedTuple):
         model: Spec of the trust model.
         rule: Choice rule of the consumers.
         setting: Name of the setting in the suite.
-        method: Way to attack, or `honest`. All cells of a suite play the same games.
+        method: Way to attack, or `honest` in a setting without compromised agents. All cells of a
+            suite play the same games.
     """
 
     model: str
@@ -114,12 +133,13 @@ class ClosedLoopSuite(SuiteSchema):
     """Version of the suite. Numbers of different versions do not compare."""
     games: Annotated[int, Field(ge=1, le=100_000)] = 8
     """Number of games in each world."""
-    models: tuple[Label, ...] | Literal["all"] = "all"
-    """Specs of trust models. `all` means all registered or installed ones. A model with its own
-    choice rule is also played by this rule."""
-    solo: Label = "solo-threshold"
-    """Spec of the trust model that listens to nobody, against which the gain is measured. It is
-    played by its own choice rule if it has one."""
+    models: Annotated[tuple[Label, ...], Field(min_length=1)]
+    """Specs of trust models."""
+    own: tuple[Label, ...] = ()
+    """Those that are also played by their own choice rule, see `with_models`."""
+    solo: dict[Rule, Label]
+    """Spec of the trust model that listens to nobody, against which the gain of the models with a
+    choice rule is measured, by the choice rule."""
     worlds: Distribution
     """Distribution of the worlds."""
     reports: dict[str, Any] | PositiveInt = 1
@@ -134,14 +154,25 @@ class ClosedLoopSuite(SuiteSchema):
     """Ways to attack. Honest play of the compromised agents is always one of them."""
     replayed: tuple[ReplayedAttack, ...] = ()
     """Attacks that the way `replayed` plays."""
+    search: Search = Search()
+    """Budget of the way `search`."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if not self.models:
-            raise ValueError("models must not be empty")
-        check_unique(methods=self.methods, attacks=self.attacks)
-        if self.models != "all":
-            check_unique(models=self.models)
+        check_unique(methods=self.methods, attacks=self.attacks, models=self.models, own=self.own)
+        for name, given, needed in (
+            ("usual", self.usual, ("SP", "SR")),
+            ("solo", self.solo, RULES),
+        ):
+            if set(given) != set(needed):
+                raise ValueError(f"{name} has {sorted(given)}; it must have {sorted(needed)}")
+        for use in get_args(Use):
+            for number in range(getattr(self.worlds, use)):
+                _POSITIVE.validate_python(self._reports(use, number))
+        if unknown := set(self.own) - set(self.model_names):
+            raise ValueError(
+                f"own is {self.own}; {', '.join(sorted(unknown))} is none of the models"
+            )
         if not any(setting.roles for setting in self.settings.values()):
             raise ValueError("settings must contain one with compromised agents")
         for attack in self.replayed:
@@ -159,19 +190,16 @@ class ClosedLoopSuite(SuiteSchema):
     @property
     def model_names(self) -> list[str]:
         """Specs of the trust models, with the solo model."""
-        named = trust_models.names() if self.models == "all" else list(self.models)
-        return list(dict.fromkeys([*named, self.solo]))
+        return list(dict.fromkeys([*self.models, *self.solo.values()]))
 
     @property
     def entrants(self) -> list[tuple[str, Rule]]:
         """Trust models with the choice rules by which they are played."""
-        example = self.worlds.world("measured", 0)
-        pairs: list[tuple[str, Rule]] = []
-        for name in self.model_names:
-            pairs.append((name, "common"))
-            if hasattr(parse_trust_model(name, example), "preference"):
-                pairs.append((name, "own"))
-        return pairs
+        return [
+            (name, rule)
+            for name in self.model_names
+            for rule in (RULES if name in self.own else RULES[:1])
+        ]
 
     def replayed_in(self, setting: str) -> list[ReplayedAttack]:
         """Return the replayed attacks of a setting."""
@@ -182,8 +210,7 @@ class ClosedLoopSuite(SuiteSchema):
         cells = []
         for model, rule in self.entrants:
             for name, setting in self.settings.items():
-                cells.append(Cell(model, rule, name, "honest"))
-                for method in self.methods if setting.roles else ():
+                for method in self.methods if setting.roles else _HONEST:
                     cells.append(Cell(model, rule, name, method))
         return cells
 
@@ -201,10 +228,15 @@ class ClosedLoopSuite(SuiteSchema):
     def rules(self, cell: Cell) -> tuple[object, ...]:
         """Return all fields that the result of a cell depends on."""
         setting = self.settings[cell.setting]
-        played = self.worlds, self.reports, setting, self.games, self.limit_s
-        if cell.method == "honest":
-            return played
-        return *played, self.attacks, self.usual, self.replayed_in(cell.setting)
+        return (
+            *(self.worlds, self.reports, setting, self.games, self.limit_s),
+            *{
+                "honest": (),
+                "scripts": (self.attacks, self.usual),
+                "replayed": (self.replayed_in(cell.setting),),
+                "search": (self.attacks, self.search),
+            }[cell.method],
+        )
 
     def world(self, cell: Cell, use: Use, number: int) -> AttackedWorld:
         """Return a world in the setting and with the choice rule of a cell."""
@@ -214,14 +246,37 @@ class ClosedLoopSuite(SuiteSchema):
             access |= {"by": "model", "explore": 0.0, "temperature": 0.0}
         changes: dict[str, Any] = {"access": access}
         if setting.reports == "open":
-            number_of = draw(self.reports, f"{self.worlds.seed}|{use}-{number}|reports")
-            changes["ratings"] = {**world.ratings.model_dump(), "open": number_of}
+            reports = self._reports(use, number)
+            changes["ratings"] = {**world.ratings.model_dump(), "open": reports}
         world = world.change(**changes)
         if not setting.roles:
             return AttackedWorld(world, ())
         return compromise(world, setting.roles, setting.share, setting.reserve)
 
+    def _reports(self, use: Use, number: int) -> Any:
+        """Return the number of reports of a rater in a round of a world with open reports."""
+        return draw(self.reports, f"{self.worlds.seed}|{use}-{number}|reports")
+
     def silent(self, cell: Cell, world: Scenario) -> list[str]:
         """Return the names of the raters that send no reports in a world: the first ones."""
         share, raters = self.settings[cell.setting].silent, Roster.of(world).rater_names
         return list(raters[: max(1, round(share * len(raters)))]) if share else []
+
+
+def with_models(suite: ClosedLoopSuite, models: Sequence[str]) -> ClosedLoopSuite:
+    """Return the suite with other trust models. Those that have a choice rule of their own are also
+    played by it, see `TrustModel.preference`.
+
+    Args:
+        suite: Suite to change.
+        models: Specs of the trust models.
+
+    Raises:
+        ValueError: A trust model is unknown or cannot be made.
+    """
+    example, names = (
+        suite.worlds.world("measured", 0),
+        list(dict.fromkeys([*models, *suite.solo.values()])),
+    )
+    own = [name for name in names if hasattr(parse_trust_model(name, example), "preference")]
+    return suite.model_copy(update={"models": tuple(models), "own": tuple(own)})

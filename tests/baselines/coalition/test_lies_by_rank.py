@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 import torch
 
-from roletrust_baselines import CheatingRing, Promotion, RankLies, ReviewBurst, Sleeper, SwapEnds
+from roletrust_baselines import (
+    CheatingRing,
+    Promotion,
+    RankLies,
+    ReviewBurst,
+    ShiftedLies,
+    Sleeper,
+    SwapEnds,
+)
 from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
@@ -22,6 +30,9 @@ COALITIONS = [
     Promotion(),
     Promotion(place=0.7, lift=0.5, sink=0.3, accomplices=(0,)),
     Promotion(place=1.0, by="published"),
+    ShiftedLies(),
+    ShiftedLies(shift=0.4, place=0.0, by="published", start=2),
+    ShiftedLies(shift=0.3, place=1.0, accomplices=(1, 4)),
     SwapEnds(),
     SwapEnds(sink=0.6, lift=0.5, by="published", start=1, stop=7),
     SwapEnds(accomplices=(1, 4)),
@@ -74,6 +85,10 @@ def slow_rating(policy, estimates, rank, j):
         if rank[j] == nearest:
             return estimates[j] + policy.lift * (1 - estimates[j])
         return estimates[j] * (1 - policy.sink) if rank[j] < nearest else estimates[j]
+    if isinstance(policy, ShiftedLies):
+        if rank[j] < policy.place:
+            return max(0.0, estimates[j] - policy.shift)
+        return min(1.0, estimates[j] + policy.shift)
     if isinstance(policy, SwapEnds):
         ends = {
             0.0: estimates[j] * (1 - policy.sink),

@@ -7,14 +7,15 @@ import pytest
 from pydantic import ValidationError
 
 from roletrust_env.benchmarking.closed_loop.board import ClosedLoopBoard
-from roletrust_env.benchmarking.closed_loop.cells import CellPlay, play_cell
+from roletrust_env.benchmarking.closed_loop.cells import play_cell
+from roletrust_env.benchmarking.closed_loop.play import CellPlay
 from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite
 from roletrust_env.benchmarking.closed_loop.worlds import SPREAD, compromise, expected_spread
 from roletrust_env.benchmarking.run import InProcess, play_suite
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.agreed import AgreedScripts
 from roletrust_env.evaluation.attackers import read_record, record_of
-from roletrust_env.evaluation.received import COLUMNS, RANGES
+from roletrust_env.evaluation.received import RANGES, SCORES
 from roletrust_env.world.roster import Roster
 
 
@@ -35,7 +36,14 @@ def small_suite(**changes: object) -> ClosedLoopSuite:
         "measured": 3,
         "set": {**suite.worlds.set, **changed},
     }
-    fields = {**suite.model_dump(), "worlds": worlds, "games": 2, "models": ["mean", "block"]}
+    fields = {
+        **suite.model_dump(),
+        "worlds": worlds,
+        "games": 2,
+        "models": ["mean", "block"],
+        "attacks": ["bad-mouthing", "rank-lies", "on-off", "milking-ring", "sybil-ring:reserve=3"],
+        "search": {"candidates": 28, "games": 1},
+    }
     return ClosedLoopSuite.model_validate({**fields, **changes})
 
 
@@ -107,19 +115,54 @@ def test_open_reports_and_own_rules_change_the_world() -> None:
 def test_models_that_listen_to_nobody_are_immune_to_lies() -> None:
     suite = small_suite()
     for setting in ("raters", "raters-open"):
-        lies = play_cell(suite, Cell("own-experience", "common", setting, "scripts"))
-        honest = play_cell(suite, Cell("own-experience", "common", setting, "honest"))
-        assert lies.rows
-        for row in lies.rows:
-            assert row.measured["skill"] == pytest.approx(honest.rows[0].measured["skill"])
+        rows = play_cell(suite, Cell("own-experience", "common", setting, "scripts")).rows
+        assert [row.attack for row in rows] == ["honest", "bad-mouthing", "rank-lies"]
+        for row in rows:
+            assert row.chosen["skill"] == pytest.approx(rows[0].chosen["skill"])
+
+
+def test_only_the_worst_attack_of_a_cell_is_measured() -> None:
+    suite = small_suite()
+    for method in ("scripts", "search"):
+        cell = Cell("mean", "common", "coalition", method)
+        rows = play_cell(suite, cell).rows
+        means = [np.mean(row.chosen["skill"]) for row in rows]  # type: ignore[arg-type]
+        assert [bool(row.measured) for row in rows] == [mean == min(means) for mean in means]
+
+
+def test_a_search_spends_its_budget_and_repeats_by_its_seed() -> None:
+    suite = small_suite()
+    cell = Cell("mean", "common", "coalition", "search")
+    rows = play_cell(suite, cell).rows
+    cycles = sum(world.max_cycles for world in suite.worlds.worlds("selection"))
+    for row in rows:
+        # 14 random attacks, then one generation of 12
+        assert [played for played, _ in row.progress] == [14 * cycles, 26 * cycles]
+        assert row.progress[1][1] <= row.progress[0][1]
+        assert row.rounds == 26 * cycles
+        again = CellPlay(suite, cell).measure("selection", [read_record(row.record)])
+        assert again.scores["skill"][:, 0] == pytest.approx(row.chosen["skill"])
+    assert rows[0].attack != rows[1].attack
+    assert [row._replace(by_round=()) for row in play_cell(suite, cell).rows] == [
+        row._replace(by_round=()) for row in rows
+    ]
+
+
+def test_a_search_finds_a_worse_attack_than_honest_play() -> None:
+    suite = small_suite()
+    honest = play_cell(suite, Cell("mean", "common", "raters-open", "scripts")).rows[0]
+    found = play_cell(suite, Cell("mean", "common", "raters-open", "search")).rows
+    for row in found:
+        gap = np.mean(honest.chosen["skill"]) - np.mean(row.chosen["skill"])  # type: ignore[arg-type]
+        assert gap > 0.1
 
 
 def test_attacks_side_by_side_play_as_alone() -> None:
     suite = small_suite()
     play = CellPlay(suite, Cell("mean", "common", "coalition", "scripts"))
     attacks = [AgreedScripts(("rank-lies", "on-off")), AgreedScripts(("milking-ring",))]
-    together, _ = play.measure("measured", attacks)
-    alone = [play.measure("measured", [attack])[0] for attack in attacks]
+    together = play.measure("measured", attacks).scores
+    alone = [play.measure("measured", [attack]).scores for attack in attacks]
     for name in RANGES:
         for k in range(2):
             assert together[name][:, k] == pytest.approx(alone[k][name][:, 0], nan_ok=True)
@@ -130,12 +173,14 @@ def test_scores_lie_in_their_ranges_and_are_none_where_undefined() -> None:
     clean = play_cell(suite, Cell("mean", "common", "clean", "honest")).rows[0].measured
     silent = play_cell(suite, Cell("mean", "common", "silent", "honest")).rows[0].measured
     coalition = play_cell(suite, Cell("mean", "common", "coalition", "scripts")).rows
+    assert coalition
     assert clean["attacker_share"] == clean["silent_skill"] == [None] * 3
     assert None not in silent["silent_skill"]
     for row in coalition:
-        for column in COLUMNS[:-1]:
-            values = np.array(row.measured[column.name], float)
-            assert ((values >= column.low) & (values <= column.high)).all()
+        for name, values in row.measured.items():
+            known = np.array([value for value in values if value is not None])
+            assert len(known) == (0 if name == "silent_skill" else 3)
+            assert ((known >= SCORES[name].low) & (known <= SCORES[name].high)).all()
 
 
 def test_the_leaderboard_takes_the_attack_that_is_worst_in_the_selection(tmp_path: Path) -> None:
@@ -152,9 +197,11 @@ def test_the_leaderboard_takes_the_attack_that_is_worst_in_the_selection(tmp_pat
         ]
         means = {row.attack: np.mean(row.chosen["skill"]) for row in rows}  # type: ignore[arg-type]
         assert means[case.attack] == min(means.values())
-    solo = [row for row in board.rows if row.model == "solo-threshold"]
-    assert [row.rule for row in solo if row.gain.mean == 0] == ["own"]
-    assert [row.rank for row in board.rows] == sorted(row.rank for row in board.rows)
+    solo = {(row.model, row.rule) for row in board.rows if row.estimates["gain"].mean == 0}
+    assert {("own-experience", "common"), ("solo-threshold", "own")} <= solo
+    for rule in ("common", "own"):
+        ranks = [row.rank for row in board.rows if row.rule == rule]
+        assert ranks == sorted(ranks)
     # Finished cells are read, not played again.
     again = ClosedLoopBoard.of(suite, play_suite(suite, InProcess(), out=tmp_path))
     assert list(map(repr, again.rows)) == list(map(repr, board.rows))
@@ -173,6 +220,11 @@ def test_agreed_scripts_survive_their_record() -> None:
         {"settings": {"raters": {"roles": ["SR"], "share": 0.3, "silent": 0.5}}},
         {"methods": ["replayed"]},
         {"games": 0},
+        {"own": ["fire"]},
+        {"solo": {"common": "block"}},
+        {"usual": {"SR": "bad-mouthing"}},
+        {"reports": {"low": 5}},
+        {"reports": {"low": 0, "high": 1}},
     ],
 )
 def test_wrong_suites_are_refused(change: dict[str, object]) -> None:
