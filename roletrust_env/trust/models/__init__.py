@@ -23,7 +23,6 @@ from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
 from roletrust_env.trust.models.personal.blade import Blade
 from roletrust_env.trust.models.personal.blended import Blended
 from roletrust_env.trust.models.personal.block import Block
-from roletrust_env.trust.models.personal.ensemble import Ensemble
 from roletrust_env.trust.models.personal.fire import Fire
 from roletrust_env.trust.models.personal.first_hand import FirstHand
 from roletrust_env.trust.models.personal.habit import Habit
@@ -63,7 +62,6 @@ OWN = {
     "blended": Blended,
     "block": Block,
     "clustering": Clustering,
-    "ensemble": Ensemble,
     "fire": Fire,
     "first-hand": FirstHand,
     "habit": Habit,
