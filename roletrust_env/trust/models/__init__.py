@@ -22,7 +22,7 @@ from roletrust_env.trust.models.central.seeded_walks import (
 from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
 from roletrust_env.trust.models.personal.blade import Blade
 from roletrust_env.trust.models.personal.blended import Blended
-from roletrust_env.trust.models.personal.block import Block
+from roletrust_env.trust.models.personal.block import AgreedOnce, Block, BlockForgiving
 from roletrust_env.trust.models.personal.fire import Fire
 from roletrust_env.trust.models.personal.first_hand import FirstHand
 from roletrust_env.trust.models.personal.habit import Habit
@@ -58,9 +58,11 @@ OWN = {
     "sybil-rank": SybilRank,
     "trimmed-mean": TrimmedMean,
     "wary-role-trust": WaryRoleTrust,
+    "agreed-once": AgreedOnce,
     "blade": Blade,
     "blended": Blended,
     "block": Block,
+    "block-forgiving": BlockForgiving,
     "clustering": Clustering,
     "fire": Fire,
     "first-hand": FirstHand,
