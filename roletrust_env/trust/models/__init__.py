@@ -37,6 +37,7 @@ from roletrust_env.trust.models.personal.solo import (
     UpperConfidence,
 )
 from roletrust_env.trust.models.personal.travos import Travos
+from roletrust_env.trust.models.personal.vial import Vial
 from roletrust_env.trust.models.personal.yu_singh import YuSingh
 from roletrust_env.trust.models.personal.zhang_cohen import ZhangCohen
 
@@ -77,6 +78,7 @@ OWN = {
     "solo-ucb": UpperConfidence,
     "subjective-logic": SubjectiveLogic,
     "travos": Travos,
+    "vial": Vial,
     "yu-singh": YuSingh,
     "zhang-cohen": ZhangCohen,
 }
