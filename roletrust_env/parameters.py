@@ -150,6 +150,9 @@ Tail = Annotated[float, _within("[1e-6, 0.5)", lambda x: 1e-6 <= x < 0.5)]
 Power = Annotated[float, _within("[0, 8]", lambda x: 0 <= x <= 8)]
 """Exponent of a share, for example of trust in a weight. With 0 all weights are equal."""
 
+Exponent = Annotated[float, _within("[1, 8]", lambda x: 1 <= x <= 8)]
+"""Exponent of the growth of a number of rounds."""
+
 Amount = Annotated[float, _within("[0, 1e6]", lambda x: 0 <= x <= 1e6)]
 """Number without a natural bound. With a larger one, float32 would overflow."""
 

@@ -46,6 +46,7 @@ LIMITS = [
     (parameters.LessThanHalf, [0, 0.5 - 1e-9], [-1e-9, 0.5]),
     (parameters.Tail, [1e-6, 0.5 - 1e-9], [0.999e-6, 0.5]),
     (parameters.Power, [0, 8], [-1e-9, 8 + 1e-9]),
+    (parameters.Exponent, [1, 8], [1 - 1e-9, 8 + 1e-9]),
     (
         parameters.ShareOrRange,
         [0, 1, (0, 1), (0.5, 0.5)],

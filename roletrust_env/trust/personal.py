@@ -157,6 +157,19 @@ def weighted_advice(
     return _in_range(mean_of_sums(heard(credence, said.sums) + own.sums, weight)), weight
 
 
+def unknown_first(known: PerPair, trust: PerPair, noise: PerPair, first: float = 1.0) -> PerPair:
+    """Return a preference for unknown providers, at random, and then for the most trusted one,
+    shape (S, P, ...).
+
+    Args:
+        known: Weight of what a judge knows of a provider, shape (S, P, ...); 0 if it is unknown.
+        trust: Preference for the known providers, at most `first`, shape (S, P, ...).
+        noise: Uniform noise in [0, 1), shape (S, P, ...).
+        first: Least preference for an unknown provider.
+    """
+    return namespace(noise).where(known > 0, trust, first + noise)
+
+
 # --- what is remembered
 # -----------------------------------------------------------------------------
 

@@ -22,8 +22,7 @@ from roletrust_env.trust.models.central.seeded_walks import (
 from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
 from roletrust_env.trust.models.personal.blade import Blade
 from roletrust_env.trust.models.personal.blended import Blended
-from roletrust_env.trust.models.personal.block import Block
-from roletrust_env.trust.models.personal.ensemble import Ensemble
+from roletrust_env.trust.models.personal.block import AgreedOnce, Block, BlockForgiving
 from roletrust_env.trust.models.personal.fire import Fire
 from roletrust_env.trust.models.personal.first_hand import FirstHand
 from roletrust_env.trust.models.personal.habit import Habit
@@ -38,6 +37,7 @@ from roletrust_env.trust.models.personal.solo import (
     UpperConfidence,
 )
 from roletrust_env.trust.models.personal.travos import Travos
+from roletrust_env.trust.models.personal.vial import Vial
 from roletrust_env.trust.models.personal.yu_singh import YuSingh
 from roletrust_env.trust.models.personal.zhang_cohen import ZhangCohen
 
@@ -59,11 +59,12 @@ OWN = {
     "sybil-rank": SybilRank,
     "trimmed-mean": TrimmedMean,
     "wary-role-trust": WaryRoleTrust,
+    "agreed-once": AgreedOnce,
     "blade": Blade,
     "blended": Blended,
     "block": Block,
+    "block-forgiving": BlockForgiving,
     "clustering": Clustering,
-    "ensemble": Ensemble,
     "fire": Fire,
     "first-hand": FirstHand,
     "habit": Habit,
@@ -77,6 +78,7 @@ OWN = {
     "solo-ucb": UpperConfidence,
     "subjective-logic": SubjectiveLogic,
     "travos": Travos,
+    "vial": Vial,
     "yu-singh": YuSingh,
     "zhang-cohen": ZhangCohen,
 }

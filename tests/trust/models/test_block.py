@@ -64,19 +64,27 @@ class Slow:
         )
 
 
+RULES: list[tuple[str, dict[str, Any]]] = [
+    ("block", {}),
+    ("block-forgiving", {"forgive": True}),
+    ("agreed-once", {"strangers": False, "initial": 0.7}),
+]
+
+
+@pytest.mark.parametrize("limit", [0.3, 0.15])
+@pytest.mark.parametrize(("name", "rule"), RULES)
+def test_it_is_the_rule(name: str, rule: dict[str, Any], limit: float) -> None:
+    model = make_trust_model(name, limit=limit)
+    assert_matches(model, round_by_round(Slow, limit=limit, **rule))
+
+
 @pytest.mark.parametrize(
-    "parameters",
-    [{}, {"forgive": True}, {"strangers": False, "initial": 0.7, "limit": 0.15}],
+    ("name", "trust"), [("block", 0.8), ("block-forgiving", (0.8 + 0.1 + 0.8 * 9) / 11)]
 )
-def test_it_is_the_rule(parameters: dict[str, Any]) -> None:
-    assert_matches(make_trust_model("block", **parameters), round_by_round(Slow, **parameters))
-
-
-@pytest.mark.parametrize(("forgive", "trust"), [(False, 0.8), (True, (0.8 + 0.1 + 0.8 * 9) / 11)])
-def test_only_who_forgives_listens_to_a_liar_again(forgive: bool, trust: float) -> None:
+def test_only_who_forgives_listens_to_a_liar_again(name: str, trust: float) -> None:
     """A liar says 0.1 once, and the truth nine times: its mean, 0.73, is near enough again."""
     rounds = [[[0.8], [0.1]], *[[[None], [0.8]]] * 9]
-    state = play(make_trust_model("block", forgive=forgive), *rounds)
+    state = play(make_trust_model(name), *rounds)
     assert state.trust[0, 0] == pytest.approx(trust)
 
 
@@ -86,3 +94,12 @@ def test_by_its_own_rule_it_goes_to_providers_that_nobody_knows_first() -> None:
     wanted = model.preference(state, np.array([[0.3, 0.2, 0.1]] * 2))
     assert wanted[0] == pytest.approx([0.9, 1.2, 1.1])  # the only adviser has contradicted it
     assert wanted[1] == pytest.approx([0.1, 0.5, 1.1])
+
+
+def test_an_adviser_counts_once_it_has_agreed() -> None:
+    model = make_trust_model("agreed-once", initial=0.6)
+    unknown = [[0.9, None], [None, 0.2]]
+    assert play(model, unknown).trust[0, 1] == pytest.approx(0.6)
+    assert play(model, unknown, [[None, None], [0.8, None]]).trust[0, 1] == pytest.approx(0.2)
+    wanted = model.preference(play(model, unknown), np.full((2, 2), 0.3))
+    assert wanted[0] == pytest.approx([0.9, 1.3])

@@ -140,3 +140,11 @@ def test_judges_that_were_cheated_warn_one_that_was_not_yet() -> None:
     assert plain[3] > 0.65
     assert wary[3] < 0.2
     assert (wary[:3] < plain[:3]).all()
+
+
+def test_by_its_own_rule_it_goes_to_unknown_providers_first() -> None:
+    model = make_trust_model("first-hand")
+    state = play(model, [[0.9, None, None], [None, 0.5, None]])
+    wanted = model.preference(state, np.array([[0.3, 0.2, 0.1]] * 2))
+    np.testing.assert_array_equal(wanted[:, :2], state.trust[:, :2])
+    assert wanted[:, 2] == pytest.approx([1.1, 1.1])

@@ -11,7 +11,9 @@ from roletrust_env.trust.personal import (
     Personal,
     by_judges,
     credences,
+    heard,
     product,
+    unknown_first,
     weighted_advice,
 )
 from roletrust_env.trust.ratings import Ratings, occurred
@@ -27,8 +29,6 @@ class BlockState(NamedTuple):
         agreed: 1 where an adviser has agreed with the judge, 0 elsewhere, shape (S, S, ...).
         trust: Trust of each judge in each provider, shape (S, P, ...).
         credence: 1 where a judge listens to a rater, 0 elsewhere, shape (S, S, ...).
-        informed: 1 where a judge knows a service or a rating that counts, 0 elsewhere, shape (S, P,
-            ...).
     """
 
     own: Evidence
@@ -37,7 +37,6 @@ class BlockState(NamedTuple):
     agreed: Annotated[PerAdviser, FLAGS]
     trust: Annotated[PerPair, SHARES]
     credence: Annotated[PerAdviser, FLAGS]
-    informed: Annotated[PerPair, FLAGS]
 
 
 @checked_dataclass
@@ -74,7 +73,7 @@ class Block(Personal):
         """Return the state without experience. See `TrustModel.start`."""
         none, nobody = Evidence.none(like), credences(like, 0.0)
         trust, credence = none.sums + self.initial, nobody + float(self.strangers)
-        return BlockState(none, none, nobody, nobody, trust, credence, none.sums)
+        return BlockState(none, none, nobody, nobody, trust, credence)
 
     def update(self, state: BlockState, ratings: Ratings) -> BlockState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
@@ -98,10 +97,38 @@ class Block(Personal):
         credence = (1 - contradicted) * (1 if self.strangers else agreed)
         mean, weight = weighted_advice(credence, said, own)
         trust = xp.where(weight > 0, mean, self.initial)
-        return BlockState(
-            own, said, contradicted, agreed, trust, credence, cast(weight > 0, rated.dtype)
-        )
+        return BlockState(own, said, contradicted, agreed, trust, credence)
 
     def preference(self, state: BlockState, noise: PerPair) -> PerPair:
         """Return how much each judge wants each provider, shape (S, P, ...). See `TrustModel`."""
-        return namespace(noise).where(state.informed > 0, state.trust, 1 + noise)
+        known = heard(state.credence, state.said.counts) + state.own.counts
+        return unknown_first(known, state.trust, noise)
+
+
+@checked_dataclass
+class BlockForgiving(Block):
+    """Forgiving block: `block` with a memory of mean ratings only, not of past contradictions.
+
+    An adviser that contradicted the judge counts again once its mean ratings agree with the judge.
+
+    Attributes:
+        forgive: Whether only the current means count, not those of earlier rounds.
+    """
+
+    forgive: bool = True
+
+
+@checked_dataclass
+class AgreedOnce(Block):
+    """Agreed once: the mean of the judge's own services and of the ratings of raters that agreed
+    with it at least once and never contradicted it.
+
+    It is `block` without strangers: a rater that rated no provider of the judge's does not count.
+
+    Attributes:
+        initial: Trust without a service or a rating that counts, in [0, 1].
+        strangers: Whether a rater that neither agreed nor contradicted counts.
+    """
+
+    initial: Share = 0.7
+    strangers: bool = False

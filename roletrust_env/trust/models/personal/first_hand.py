@@ -17,6 +17,7 @@ from roletrust_env.trust.personal import (
     heard,
     mean_of_sums,
     product,
+    unknown_first,
 )
 from roletrust_env.trust.ratings import Ratings, occurred
 
@@ -61,6 +62,9 @@ class FirstHand(Personal):
     on. First ratings then tell nothing, and judges that were cheated know best. With `repeats`,
     later ratings of a pair count more than its first. With `patience`, a judge with few ratings of
     its own listens to others more; with many, as little as ever.
+
+    By its own choice rule, a judge first goes to providers without a service or a rating, at
+    random, and then to the most trusted one.
 
     Attributes:
         initial: Trust without any rating, in [0, 1].
@@ -115,6 +119,11 @@ class FirstHand(Personal):
         sums = self.prior * self.initial + weight * seen + heard(credence, voice * reported)
         trust = sums / (self.prior + weight + heard(credence, voice))
         return FirstHandState(own, said, xp.clip(trust, 0.0, 1.0), credence)
+
+    def preference(self, state: FirstHandState, noise: PerPair) -> PerPair:
+        """Return how much each judge wants each provider, shape (S, P, ...). See `TrustModel`."""
+        known = heard(state.credence, state.said.counts) + state.own.counts
+        return unknown_first(known, state.trust, noise)
 
     def _remembered(self, evidence: Evidence, ratings: Ratings) -> Evidence:
         """Return the sums s and n after one more round."""

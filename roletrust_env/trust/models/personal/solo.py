@@ -8,11 +8,11 @@ providers lose least (Bayati, Hamidi, Johari and Khosravi 2020).
 import math
 from abc import ABC, abstractmethod
 
-from roletrust_env.arrays import Array, largest, namespace, total
+from roletrust_env.arrays import largest, namespace, total
 from roletrust_env.parameters import Amount, Share, Size, checked_dataclass
 from roletrust_env.shapes import PerPair, RaterFlags
 from roletrust_env.trust.models.personal.similarity import OwnExperience, OwnState
-from roletrust_env.trust.personal import Evidence
+from roletrust_env.trust.personal import Evidence, unknown_first
 
 _FIRST = 2.0
 """Preference above that of every provider that has served the judge."""
@@ -41,7 +41,7 @@ class UpperConfidence(OwnExperience):
         xp, counts = namespace(noise), state.known.counts
         every = xp.clip(total(counts, 1), 1.0, None)[:, None, ...]
         bonus = self.width * xp.sqrt(2 * xp.log(every) / xp.clip(counts, 1.0, None))
-        return _unmet_first(state.known, state.trust + bonus, noise, 1 + self.width * 10)
+        return unknown_first(counts, state.trust + bonus, noise, 1 + self.width * 10)
 
 
 @checked_dataclass
@@ -81,11 +81,11 @@ class Searching(OwnExperience, ABC):
 
     def preference(self, state: OwnState, noise: PerPair) -> PerPair:
         """Return how much each judge wants each provider, shape (S, P, ...). See `TrustModel`."""
-        xp, searching = namespace(noise), self.searches(state.known)[:, None, ...]
+        xp, counts = namespace(noise), state.known.counts
         return xp.where(
-            searching,
-            _unmet_first(state.known, state.trust, noise, _FIRST),
-            xp.where(state.known.counts > 0, state.trust, noise - _FIRST),
+            self.searches(state.known)[:, None, ...],
+            unknown_first(counts, state.trust, noise, _FIRST),
+            xp.where(counts > 0, state.trust, noise - _FIRST),
         )
 
 
@@ -130,8 +130,3 @@ class Subsampled(Searching):
     def searches(self, known: Evidence) -> RaterFlags:
         """Return whether fewer providers served the judge, see `Searching.searches`."""
         return total(known.counts > 0, 1) < self.sample
-
-
-def _unmet_first(known: Evidence, preference: PerPair, noise: PerPair, first: float) -> Array:
-    """Return a preference in which providers that never served the judge come first, at random."""
-    return namespace(noise).where(known.counts > 0, preference, first + noise)
