@@ -29,11 +29,8 @@ FILES = {
     "moved": "leaderboards/standard/moved.csv",
     "worlds": "leaderboards/standard/worlds.csv",
     "transfer": "attackers/transfer.csv",
-    "equilibrium": "equilibrium/equilibrium.csv",
     "parts": "leave-one-out.csv",
     "judges": "first-hand/leaderboard.csv",
-    "defence": "defence/comparison.csv",
-    "defence by iteration": "defence/iterations.csv",
     "real": "real/real.csv",
     "real, weeks": "leave-one-out-7.csv",
     "real, months": "leave-one-out-30.csv",
@@ -215,16 +212,6 @@ class Results:
         """
         return self._sentence(
             "findings.md", rf"\]\(findings/{re.escape(question)}\.png\)\n\n(.+)\n", question
-        )
-
-    def fact(self, what: str) -> Markup:
-        """Return a value of the table of facts about the equilibrium, by its name there.
-
-        Raises:
-            ValueError: There is no such fact.
-        """
-        return self._sentence(
-            "equilibrium/equilibrium.md", rf"\n\| {re.escape(what)} \| (.+) \|\n", what
         )
 
     def _sentence(self, path: str, pattern: str, name: str) -> Markup:

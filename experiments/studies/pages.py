@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from studies import SUITES
-from studies.study import DOCS, Recipe, Study
+from studies.study import Recipe, Study
 
 
 class Options(NamedTuple):
@@ -42,8 +42,6 @@ _BESIDE = " ".join(
     f"--model {name}"
     for name in ["leave-one-out", *(f"leave-one-out:{part}" for part in _PARTS), *_OTHERS]
 )
-_BESIDE_OTHERS = " ".join(f"--model {name}" for name in _OTHERS)
-_LEARNED = "--model roletrust_agents.learned.saved_defence:SavedTrust:path=docs/defence/network"
 
 _LLMBAR = "panel {logs}/llm-judges/llmbar-votes.csv.gz --truth truth --kind subset --judge model"
 _PEERS = "panel {logs}/llm-judges/peer-rank-votes.csv.gz --item question --peers"
@@ -137,10 +135,6 @@ COMMANDS = {
         f"rate {{logs}} --compare {_BESIDE} --out {{out}}/30",
         f"rate {{logs}} --compare {_BESIDE} --every 604800 --out {{out}}/7",
     ],
-    "defence-logs": [
-        f"rate {{logs}} --compare --model leave-one-out --model {{learned}} {_LEARNED} "
-        f"{_BESIDE_OTHERS} --out {{out}}"
-    ],
     "judges": [
         f"{_LLMBAR} --judge prompt --measure --out {{out}}/all",
         f"{_LLMBAR} --judge prompt --bribes 100 {_JUDGED} --out {{out}}/bought",
@@ -168,8 +162,7 @@ COMMANDS = {
         "train CollusionAttack --stealth-weight 2 --out {out}/collusion-10x10",
     ],
 }
-"""Commands of each recipe. `{out}` is its folder, `{learned}` the leave-one-out of the study
-`defend`."""
+"""Commands of each recipe. `{out}` is its folder."""
 
 
 def _attackers(names: Sequence[str], prefix: str = "") -> dict[str, str]:
@@ -199,7 +192,6 @@ FILES = {
     "leave-one-out-logs": {
         f"{days}/comparison.csv": f"leave-one-out-{days}.csv" for days in (30, 7)
     },
-    "defence-logs": {"comparison.csv": "defence/logs.csv"},
     "judges": {
         "bought/panel.png": "judges/panel.png",
         "all/panel.md": "judges/llmbar.md",
@@ -219,11 +211,8 @@ def main(study: Study[Options]) -> None:
     """Run the commands of a recipe."""
     if study.again:
         shutil.rmtree(study.out, ignore_errors=True)
-    learned = DOCS / "defence" / "leave-one-out.txt"
     places: dict[str, str | Path] = {"out": study.out, "suites": SUITES, "logs": study.options.logs}
     for line in COMMANDS[study.recipe]:
-        if "{learned}" in line:
-            places["learned"] = learned.read_text(encoding="utf-8").strip()
         words = [word.format(**places) if "{role" not in word else word for word in line.split()]
         if words[0] == "train" and Path(words[-1]).exists():
             continue

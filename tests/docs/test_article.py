@@ -88,7 +88,7 @@ def test_every_number_is_found_in_its_file(report):
 
 
 def test_every_copied_sentence_is_found_in_its_file(report):
-    assert {path for path, _ in report.quotes} == {"findings.md", "equilibrium/equilibrium.md"}
+    assert {path for path, _ in report.quotes} == {"findings.md"}
     for path, text in report.quotes:
         assert text.replace(MINUS, "-") in (DOCS / path).read_text(encoding="utf-8")
 
@@ -147,13 +147,11 @@ def test_a_number_that_is_not_there_is_refused(name, where, words):
         Results(DOCS).number(name, "worst", **where)
 
 
-def test_a_source_a_sentence_or_a_fact_that_is_not_there_is_refused():
+def test_a_source_or_a_sentence_that_is_not_there_is_refused():
     with refuses(ValueError, "references.bib", "nobody1999"):
         Sources(DOCS / "references.bib").cite("nobody1999")
     with refuses(ValueError, "dilutions"):
         Results(DOCS).answer("dilutions")
-    with refuses(ValueError, "worst mixture"):
-        Results(DOCS).fact("worst mixture")
 
 
 def test_numbers_are_rounded_and_signed():
