@@ -189,20 +189,6 @@ class Results:
         chosen = found[-1 if least else 0][column]
         return next(row for row in self.rows(name, **where) if row[column] == chosen)
 
-    def breaking(self) -> list[tuple[Markup, Markup]]:
-        """Return the models of the answer about the breaking shares by range of shares, see
-        `answer`.
-
-        Raises:
-            ValueError: The answer names no shares.
-        """
-        found = re.findall(r"(\d+% to \d+%) lie with ([^;.]+)", self.answer("breaking"))
-        if not found:
-            raise ValueError("findings.md names no shares in its answer 'breaking'")
-        return [
-            (_quote("findings.md", share), _quote("findings.md", models)) for share, models in found
-        ]
-
     def answer(self, question: str) -> Markup:
         """Return the sentence that answers a question of `python -m studies findings`, by the name
         of its figure.
