@@ -28,7 +28,6 @@ FILES = {
     "conditions": "leaderboards/standard/conditions.csv",
     "moved": "leaderboards/standard/moved.csv",
     "worlds": "leaderboards/standard/worlds.csv",
-    "transfer": "attackers/transfer.csv",
     "parts": "leave-one-out.csv",
     "judges": "first-hand/leaderboard.csv",
     "real": "real/real.csv",

@@ -2,8 +2,8 @@
 
 Each recipe is a list of commands and of the files that they publish. Recipes on logs of real
 ratings take a folder of them, `--logs`, since they are not in the repository. A training whose
-folder is there is not repeated without `--force`. Minutes each; `attackers` and `universal` take
-half an hour to an hour on two cores.
+folder is there is not repeated without `--force`. Minutes each; `universal` takes half an hour to
+an hour on two cores.
 """
 
 import shlex
@@ -82,8 +82,7 @@ UNIVERSAL = {
 """Universal coalitions: one network each for liars, cheats, both, and both with identities in
 reserve.
 
-They are trained in the crowd and in the market of the suite two-worlds, against five trust models
-in turn. Each has its scenario, its agents and the compromised ones.
+They are trained in a crowd and in a market, against five trust models in turn. Each has its scenario, its agents and the compromised ones.
 """
 
 _TREAT = (
@@ -122,7 +121,7 @@ COMMANDS = {
             f"benchmark --suite {{suites}}/{name}.toml --out {{out}}",
             "report {out}/results.sqlite --out {out}/report",
         ]
-        for name in ("first-hand", "by-hand", "attackers")
+        for name in ("first-hand", "by-hand")
     },
     "learners": ["benchmark --suite learners-coalitions --out {out}"],
     "optimum": ["benchmark --suite learners-optimum --out {out}"],
@@ -184,7 +183,6 @@ FILES = {
         "report/worst_cases.csv": "first-hand/worst_cases.csv",
     },
     "by-hand": {"report/worst_cases.csv": "leaderboards/by-hand.csv"},
-    "attackers": {"report/games.csv.gz": "attackers/games.csv.gz"},
     "learners": {f"learners.{kind}": f"attackers/learners.{kind}" for kind in ("png", "md", "csv")},
     "optimum": {f"learners.{kind}": f"attackers/optimum.{kind}" for kind in ("md", "csv")},
     "audit": {"audit/audit.png": "audit.png"},
