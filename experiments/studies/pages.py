@@ -82,7 +82,8 @@ UNIVERSAL = {
 """Universal coalitions: one network each for liars, cheats, both, and both with identities in
 reserve.
 
-They are trained in a crowd and in a market, against five trust models in turn. Each has its scenario, its agents and the compromised ones.
+They are trained in a crowd and in a market, against five trust models in turn. Each has its
+scenario, its agents and the compromised ones.
 """
 
 _TREAT = (
