@@ -86,7 +86,7 @@ $(VENV)/.ready-%: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[$(EXTRAS)]'
 	touch $@
 
-# What made a page of results: `make study NAME=strategic`, or one of its recipes, `make study NAME="budget ppo"`; each says in
+# What made a page of results: `make study NAME=strategic`, or one of its recipes, `make study NAME="pages zoo"`; each says in
 # its documentation how long it takes, and `make studies` lists all. PUBLISH=1 copies its files to docs/.
 study: setup
 	$(BIN)/python -m studies $(NAME) $(if $(PUBLISH),--publish)
@@ -113,9 +113,9 @@ report: setup
 COMMIT := git -c tar.umask=0002 -c core.autocrlf=false archive
 
 # The assets of a release, with checksums: the source and the tables of the last commit, the same bytes for the same commit,
-# and the raw results beside the tables, as `make benchmark` and the study `pages attackers` have written them.
+# and the raw results beside the tables, as `make benchmark` has written them.
 ARCHIVE := build/archive
-RESULTS := docs/leaderboards/standard docs/attackers
+RESULTS := docs/leaderboards/standard
 archive:
 	rm -rf $(ARCHIVE)
 	mkdir -p $(ARCHIVE)
@@ -125,7 +125,7 @@ archive:
 	gzip -n -9 $(ARCHIVE)/roletrust.tar
 	rm -rf $(ARCHIVE)/roletrust
 	git ls-files -z --others --ignored --exclude-standard $(RESULTS) | LC_ALL=C sort -z > $(ARCHIVE)/raw
-	[ -s $(ARCHIVE)/raw ] || echo 'There are no raw results: make benchmark and make study NAME="pages attackers" PUBLISH=1 write them.'
+	[ -s $(ARCHIVE)/raw ] || echo 'There are no raw results: make benchmark writes them.'
 	tar --null --files-from=$(ARCHIVE)/raw --mtime=@0 --owner=0 --group=0 --numeric-owner -c | gzip -n -9 > $(ARCHIVE)/roletrust-results.tar.gz
 	rm $(ARCHIVE)/raw
 	cd $(ARCHIVE) && sha256sum *.tar.gz SHA256SUMS | tee roletrust.sha256

@@ -28,15 +28,7 @@ FILES = {
     "conditions": "leaderboards/standard/conditions.csv",
     "moved": "leaderboards/standard/moved.csv",
     "worlds": "leaderboards/standard/worlds.csv",
-    "transfer": "attackers/transfer.csv",
-    "equilibrium": "equilibrium/equilibrium.csv",
-    "parts": "leave-one-out.csv",
-    "judges": "first-hand/leaderboard.csv",
-    "defence": "defence/comparison.csv",
-    "defence by iteration": "defence/iterations.csv",
     "real": "real/real.csv",
-    "real, weeks": "leave-one-out-7.csv",
-    "real, months": "leave-one-out-30.csv",
     "strategic": "strategic/strategic.csv",
     "panel": "judges/all.csv",
     "panel, bought": "judges/bought.csv",
@@ -192,20 +184,6 @@ class Results:
         chosen = found[-1 if least else 0][column]
         return next(row for row in self.rows(name, **where) if row[column] == chosen)
 
-    def breaking(self) -> list[tuple[Markup, Markup]]:
-        """Return the models of the answer about the breaking shares by range of shares, see
-        `answer`.
-
-        Raises:
-            ValueError: The answer names no shares.
-        """
-        found = re.findall(r"(\d+% to \d+%) lie with ([^;.]+)", self.answer("breaking"))
-        if not found:
-            raise ValueError("findings.md names no shares in its answer 'breaking'")
-        return [
-            (_quote("findings.md", share), _quote("findings.md", models)) for share, models in found
-        ]
-
     def answer(self, question: str) -> Markup:
         """Return the sentence that answers a question of `python -m studies findings`, by the name
         of its figure.
@@ -215,16 +193,6 @@ class Results:
         """
         return self._sentence(
             "findings.md", rf"\]\(findings/{re.escape(question)}\.png\)\n\n(.+)\n", question
-        )
-
-    def fact(self, what: str) -> Markup:
-        """Return a value of the table of facts about the equilibrium, by its name there.
-
-        Raises:
-            ValueError: There is no such fact.
-        """
-        return self._sentence(
-            "equilibrium/equilibrium.md", rf"\n\| {re.escape(what)} \| (.+) \|\n", what
         )
 
     def _sentence(self, path: str, pattern: str, name: str) -> Markup:

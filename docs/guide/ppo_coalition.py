@@ -1,9 +1,9 @@
 """PPO (Schulman et al., 2017) for a coalition in one file: `python docs/guide/ppo_coalition.py`.
 
-Half of ten raters lie together, in the world `crowd` of the suite `two-worlds`. The file prints the
-reward during the training and the utility of consumers in fresh games at the end: 1 if they always
-got the best service. The actor is a `DeepSet` in torch, and its noise is held over each episode:
-noise drawn anew in each round would cancel in smoothed trust. Copy the file to try other
+Half of ten raters lie together, in the task `liars` of the suite `learners-coalitions`. The file
+prints the reward during the training and the utility of consumers in fresh games at the end: 1 if
+they always got the best service. The actor is a `DeepSet` in torch, and its noise is held over each
+episode: noise drawn anew in each round would cancel in smoothed trust. Copy the file to try other
 algorithms; `CoalitionPpo` does the same with Stable-Baselines3.
 """
 
@@ -18,12 +18,11 @@ from torch.distributions import Normal
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import GAIN, DeepSet, DeepSetArchitecture
-from roletrust_env.benchmarking.cells import task_arguments
-from roletrust_env.benchmarking.suite import Cell, Suite
+from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task, score
+from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.coalition import FEATURES
-from studies import SUITES
 
 VALIDATED, MEASURED = 54_321, 12_345
 """Random seeds of the games that choose an agent, and of those at the end."""
@@ -35,8 +34,7 @@ class Settings:
 
     Attributes:
         model: Spec of the trust model.
-        track: Track of the suite: `raters`, `providers` or `coalition`.
-        share: Share of compromised agents of each role.
+        task: Task of the suite: `liars`, `coalition` or `market`.
         rounds: Number of rounds of a training, over all games.
         starts: Number of trainings; the best agent counts, since from some random networks PPO
             finds nothing.
@@ -57,8 +55,7 @@ class Settings:
     """
 
     model: str = "beta"
-    track: str = "raters"
-    share: float = 0.5
+    task: str = "liars"
     rounds: int = 100_000
     starts: int = 3
     seed: int = 0
@@ -264,13 +261,12 @@ def update(
 
 
 def condition(settings: Settings) -> TaskArguments:
-    """Return the arguments of the task: the condition of the benchmark with the coalition as one
-    mind.
-    """
-    cell = Cell(settings.model, "crowd", settings.track, settings.share, "scripted", settings.seed)
-    suite = load_suite(SUITES / "two-worlds.toml")
-    assert isinstance(suite, Suite)  # not one for learners
-    return {**task_arguments(suite, cell), "observation": "coalition"}
+    """Return the arguments of the task, in which the coalition acts as one mind."""
+    suite = load_suite("learners-coalitions")
+    assert isinstance(suite, LearnersSuite)
+    arguments = suite.tasks[settings.task].arguments()
+    model = parse_trust_model(settings.model, arguments["scenario"])
+    return {**arguments, "trust_model": model}
 
 
 def train(settings: Settings) -> Agent:

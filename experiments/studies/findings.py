@@ -1,10 +1,9 @@
 """Answers to what the paper claims or leaves open, each with a figure, numbers with intervals and a
 sentence.
 
-The questions are about the harm by raters and by providers (`roles`), larger systems (`dilution`),
-honest agents (`noise`), the share of liars that breaks a model (`breaking`) or from which on no
-model can know better (`mirrored`), ToA (`both-roles`), cutting agents off (`admission`), and raters
-that see only the providers near them (`movement`).
+The questions are about larger systems (`dilution`), honest agents (`noise`), the share of liars
+from which on no model can know better (`mirrored`), ToA (`both-roles`), cutting agents off
+(`admission`), and raters that see only the providers near them (`movement`).
 
 Compared games use the same random numbers. A rule turns the numbers into a sentence, and the
 sentence says where a difference is not shown. Minutes on two cores.
@@ -13,24 +12,13 @@ sentence says where a difference is not shown. Minutes on two cores.
 from typing import NamedTuple
 
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
-from studies.questions import (
-    admission,
-    both_roles,
-    breaking,
-    dilution,
-    mirrored,
-    movement,
-    noise,
-    roles,
-)
+from studies.questions import admission, both_roles, dilution, mirrored, movement, noise
 from studies.questions.answers import Effort
 from studies.study import Recipe, Run, Study
 
 QUESTIONS = {
-    "roles": roles.answer,
     "dilution": dilution.answer,
     "noise": noise.answer,
-    "breaking": breaking.answer,
     "mirrored": mirrored.answer,
     "both-roles": both_roles.answer,
     "admission": admission.answer,
@@ -53,7 +41,7 @@ class Options(NamedTuple):
 
     Attributes:
         question: Questions to answer.
-        games: Number of games for each mean; for breaking a quarter of it, but at least 6.
+        games: Number of games for each mean.
         quick: Try it out, with short games and only the first values of each parameter.
     """
 

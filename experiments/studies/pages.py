@@ -2,8 +2,8 @@
 
 Each recipe is a list of commands and of the files that they publish. Recipes on logs of real
 ratings take a folder of them, `--logs`, since they are not in the repository. A training whose
-folder is there is not repeated without `--force`. Minutes each; `attackers` and `universal` take
-half an hour to an hour on two cores.
+folder is there is not repeated without `--force`. Minutes each; `universal` takes half an hour to
+an hour on two cores.
 """
 
 import shlex
@@ -14,8 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from studies import SUITES
-from studies.study import DOCS, Recipe, Study
+from studies.study import Recipe, Study
 
 
 class Options(NamedTuple):
@@ -28,23 +27,6 @@ ZOO = "../agents/roletrust_agents/zoo"
 """Folder of the attackers that come with the project, from `docs/`."""
 
 _CERTAIN = "--set max_cycles=200 --set noise=0 --set perturbations=[]"
-_OTHERS = [
-    "wary-role-trust",
-    "role-trust",
-    "beta",
-    "iterative-filtering",
-    "two-way-mean",
-    "fairness-goodness",
-    "bias-deserve",
-]
-_PARTS = ["own=1", "limit=0", "modesty=0", "power=0", "keep=1", "prior=0.001"]
-_BESIDE = " ".join(
-    f"--model {name}"
-    for name in ["leave-one-out", *(f"leave-one-out:{part}" for part in _PARTS), *_OTHERS]
-)
-_BESIDE_OTHERS = " ".join(f"--model {name}" for name in _OTHERS)
-_LEARNED = "--model roletrust_agents.learned.saved_defence:SavedTrust:path=docs/defence/network"
-
 _LLMBAR = "panel {logs}/llm-judges/llmbar-votes.csv.gz --truth truth --kind subset --judge model"
 _PEERS = "panel {logs}/llm-judges/peer-rank-votes.csv.gz --item question --peers"
 _PRODUCT = "panel {logs}/crowd-product/answer.csv.gz --truth {logs}/crowd-product/truth.csv.gz"
@@ -84,8 +66,8 @@ UNIVERSAL = {
 """Universal coalitions: one network each for liars, cheats, both, and both with identities in
 reserve.
 
-They are trained in the crowd and in the market of the suite two-worlds, against five trust models
-in turn. Each has its scenario, its agents and the compromised ones.
+They are trained in a crowd and in a market, against five trust models in turn. Each has its
+scenario, its agents and the compromised ones.
 """
 
 _TREAT = (
@@ -117,15 +99,6 @@ COMMANDS = {
         "play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out "
         "{out}/play",
     ],
-    "better-model": ["benchmark --suite {suites}/development.toml --force --out {out}"],
-    "leave-one-out": ["benchmark --suite {suites}/leave-one-out.toml --force --out {out}"],
-    **{
-        name: [
-            f"benchmark --suite {{suites}}/{name}.toml --out {{out}}",
-            "report {out}/results.sqlite --out {out}/report",
-        ]
-        for name in ("first-hand", "by-hand", "attackers")
-    },
     "learners": ["benchmark --suite learners-coalitions --out {out}"],
     "optimum": ["benchmark --suite learners-optimum --out {out}"],
     "audit": [
@@ -133,14 +106,6 @@ COMMANDS = {
         "audit {out}/log/ratings.csv.gz --same-agents --scale -10 10 --out {out}/audit",
     ],
     "real": ["rate {logs} --compare --out {out}"],
-    "leave-one-out-logs": [
-        f"rate {{logs}} --compare {_BESIDE} --out {{out}}/30",
-        f"rate {{logs}} --compare {_BESIDE} --every 604800 --out {{out}}/7",
-    ],
-    "defence-logs": [
-        f"rate {{logs}} --compare --model leave-one-out --model {{learned}} {_LEARNED} "
-        f"{_BESIDE_OTHERS} --out {{out}}"
-    ],
     "judges": [
         f"{_LLMBAR} --judge prompt --measure --out {{out}}/all",
         f"{_LLMBAR} --judge prompt --bribes 100 {_JUDGED} --out {{out}}/bought",
@@ -168,8 +133,7 @@ COMMANDS = {
         "train CollusionAttack --stealth-weight 2 --out {out}/collusion-10x10",
     ],
 }
-"""Commands of each recipe. `{out}` is its folder, `{learned}` the leave-one-out of the study
-`defend`."""
+"""Commands of each recipe. `{out}` is its folder."""
 
 
 def _attackers(names: Sequence[str], prefix: str = "") -> dict[str, str]:
@@ -184,22 +148,10 @@ def _attackers(names: Sequence[str], prefix: str = "") -> dict[str, str]:
 FILES = {
     "pictures": {f"{name}.png": f"{name}.png" for name in ("figure3", "figure4")}
     | {"play/play.png": "render.png"},
-    "better-model": {"leaderboard.csv": "better-model.csv"},
-    "leave-one-out": {"leaderboard.csv": "leave-one-out.csv"},
-    "first-hand": {
-        "leaderboard.csv": "first-hand/leaderboard.csv",
-        "report/worst_cases.csv": "first-hand/worst_cases.csv",
-    },
-    "by-hand": {"report/worst_cases.csv": "leaderboards/by-hand.csv"},
-    "attackers": {"report/games.csv.gz": "attackers/games.csv.gz"},
     "learners": {f"learners.{kind}": f"attackers/learners.{kind}" for kind in ("png", "md", "csv")},
     "optimum": {f"learners.{kind}": f"attackers/optimum.{kind}" for kind in ("md", "csv")},
     "audit": {"audit/audit.png": "audit.png"},
     "real": {f"comparison.{kind}": f"real/real.{kind}" for kind in ("md", "csv")},
-    "leave-one-out-logs": {
-        f"{days}/comparison.csv": f"leave-one-out-{days}.csv" for days in (30, 7)
-    },
-    "defence-logs": {"comparison.csv": "defence/logs.csv"},
     "judges": {
         "bought/panel.png": "judges/panel.png",
         "all/panel.md": "judges/llmbar.md",
@@ -219,11 +171,8 @@ def main(study: Study[Options]) -> None:
     """Run the commands of a recipe."""
     if study.again:
         shutil.rmtree(study.out, ignore_errors=True)
-    learned = DOCS / "defence" / "leave-one-out.txt"
-    places: dict[str, str | Path] = {"out": study.out, "suites": SUITES, "logs": study.options.logs}
+    places: dict[str, str | Path] = {"out": study.out, "logs": study.options.logs}
     for line in COMMANDS[study.recipe]:
-        if "{learned}" in line:
-            places["learned"] = learned.read_text(encoding="utf-8").strip()
         words = [word.format(**places) if "{role" not in word else word for word in line.split()]
         if words[0] == "train" and Path(words[-1]).exists():
             continue

@@ -33,12 +33,12 @@ from roletrust_agents.strategic.strategies import (
     honest_population,
     random_population,
 )
-from roletrust_env import Game
+from roletrust_env import Game, Scenario, make_scenario
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Interval, estimate
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
-from studies.condition import scenario_of
 from studies.study import Recipe, Run, Study, plus_minus, with_ends
 
 
@@ -47,7 +47,7 @@ class Options(NamedTuple):
 
     Attributes:
         model: Specs of the trust models.
-        scenario: Names of scenarios of the suite `four-worlds`.
+        scenario: Names of worlds of `WORLDS`.
         cost: Costs of a service of quality 1, see `Rewards.quality_cost`.
         runs: Number of runs side by side, with other random numbers and other learners.
         steps: Number of steps of the learners.
@@ -65,6 +65,22 @@ class Options(NamedTuple):
     steps: int = 150
     games: int = 32
 
+
+_RATERS = {"role": "SR", "count": 10, "noise": 0.05}
+WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
+    "crowd": (
+        "crowd-10x10",
+        {"agents": [_RATERS, {"role": "SP", "count": 10, "ability": [0.3, 1.0]}]},
+    ),
+    "market": (
+        "market",
+        {
+            "agents": [_RATERS, {"role": "SP", "count": 6, "ability": [0.3, 1.0]}],
+            "ratings": {"lost": 0.9},
+        },
+    ),
+}
+"""Preset and changed fields of each world, by its name."""
 
 FILES = ("strategic.png", "strategic.md", "strategic.csv")
 RECIPES = {"strategic": Recipe(Options(), {name: f"strategic/{name}" for name in FILES})}
@@ -98,6 +114,14 @@ _WORDS: dict[Side, tuple[str, str]] = {
 }
 
 
+def world(name: str) -> Scenario:
+    """Return a world by its name."""
+    if name not in WORLDS:
+        raise ValueError(f"there is no world {name!r}{suggest(name, WORLDS)}")
+    preset, changes = WORLDS[name]
+    return make_scenario(preset).change(**changes)
+
+
 class Point(NamedTuple):
     """A population under a trust model: scenario, spec of the model, cost of a service, and start
     of the learners.
@@ -110,7 +134,7 @@ class Point(NamedTuple):
 
     def game(self) -> Game:
         """Return the game, in single precision."""
-        scenario = scenario_of("four-worlds", self.scenario)
+        scenario = world(self.scenario)
         rewards = {**scenario.rewards.model_dump(), "quality_cost": self.cost}
         scenario = scenario.change(max_cycles=_ROUNDS, rewards=rewards)
         return Game(

@@ -178,7 +178,7 @@ class Study(Generic[Options]):
 
 
 def run(name: str, arguments: Sequence[str]) -> None:
-    """Run the `main` of a module such as `studies.budget`. An error of the user is one line, with
+    """Run the `main` of a module such as `studies.sybils`. An error of the user is one line, with
     exit code 2.
     """
     module = import_module(name)

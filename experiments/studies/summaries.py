@@ -28,15 +28,7 @@ class Options(NamedTuple):
 STANDARD = "leaderboards/standard/leaderboard"
 """Picture and table of the suite `standard`, which `make benchmark` makes, too."""
 
-PICTURES = (
-    STANDARD,
-    "better-model",
-    "leave-one-out",
-    "first-hand",
-    "real",
-    "model-costs",
-    "edge-costs",
-)
+PICTURES = (STANDARD, "real", "model-costs", "edge-costs")
 """Such pictures."""
 
 RECIPES = {"summaries": Recipe(Options(), {f"{name}.png": f"{name}.png" for name in PICTURES})}
@@ -57,15 +49,6 @@ def figures(docs: Path) -> dict[str, Figure]:
         with (docs / name).open(encoding="utf-8", newline="") as file:
             return list(csv.DictReader(file))
 
-    boards = {
-        "better-model": ("better-model.csv", "utility"),
-        "leave-one-out": ("leave-one-out.csv", "skill"),
-        "first-hand": ("first-hand/leaderboard.csv", "skill"),
-    }
-    panels_of_figure = {
-        name: [Panel("", "", f"{score} of going by trust", _board(rows(table)))]
-        for name, (table, score) in boards.items()
-    }
     forecasts = [
         row
         for row in rows("real/real.csv")
@@ -77,20 +60,15 @@ def figures(docs: Path) -> dict[str, Figure]:
         for row in forecasts
     ]
     series = Series("rated before", [row["model"] for row in forecasts], intervals)
-    panels_of_figure["real"] = [
-        Panel(
-            "", "", "correlation of trust with ratings of members that have earlier ones", [series]
-        )
-    ]
+    panel = Panel(
+        "", "", "correlation of trust with ratings of members that have earlier ones", [series]
+    )
     costs = [row for row in rows("model-costs.csv") if row["raters"] == row["providers"] == "300"]
     return {
         STANDARD: leaderboard_figure(
             [_standing(row) for row in rows(f"{STANDARD}.csv")], "skill", alike=True
         ),
-        **{
-            name: panels_figure("", panels, "bars: 95% intervals")
-            for name, panels in panels_of_figure.items()
-        },
+        "real": panels_figure("", [panel], "bars: 95% intervals"),
         "model-costs": times_figure(_times((f"{row['library']}, 300 x 300", row) for row in costs)),
         "edge-costs": times_figure(
             _times(
@@ -123,15 +101,6 @@ def _times(labelled: Iterable[tuple[str, dict[str, str]]]) -> dict[str, dict[str
             times = (float(row[f"ns_per_rating{end}"]) for end in ("", "_least", "_greatest"))
             times_of_model.setdefault(label, {})[row["model"]] = Interval(*times)
     return times_of_model
-
-
-def _board(rows: Rows) -> list[Series]:
-    """Return the clean and the worst case of each model of a leaderboard."""
-    names = [row["model"] for row in rows]
-    return [
-        Series(label, names, [_estimate(row, column).interval for row in rows])
-        for label, column in (("nobody attacks", "clean"), ("worst case", "worst"))
-    ]
 
 
 def _estimate(row: dict[str, str], column: str) -> Estimate:

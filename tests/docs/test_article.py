@@ -88,7 +88,7 @@ def test_every_number_is_found_in_its_file(report):
 
 
 def test_every_copied_sentence_is_found_in_its_file(report):
-    assert {path for path, _ in report.quotes} == {"findings.md", "equilibrium/equilibrium.md"}
+    assert {path for path, _ in report.quotes} == {"findings.md"}
     for path, text in report.quotes:
         assert text.replace(MINUS, "-") in (DOCS / path).read_text(encoding="utf-8")
 
@@ -97,14 +97,6 @@ def test_no_number_has_a_hyphen_for_its_sign(report):
     shown = [text for _, _, text in report.numbers] + [text for _, text in report.quotes]
     assert any(MINUS in text for text in shown)
     assert [text for text in shown if re.search(r"(?<![\w-])-\d", text)] == []
-
-
-def test_every_model_that_breaks_is_in_its_row():
-    rows = Results(DOCS).breaking()
-    answer = Results(DOCS).answer("breaking")
-    names = [name for _, models in rows for name in re.sub("<[^>]+>", "", models).split(", ")]
-    assert len(names) == len(set(names)) > 15
-    assert all(name in answer for name in names)
 
 
 def test_no_number_is_typed(report):
@@ -128,9 +120,7 @@ def test_every_claim_has_a_file_and_a_command():
         assert re.search(rf"^{target.split()[0]}:", makefile, re.MULTILINE), target
     used = {path for path in FILES.values() if f'data-from="{path}"' in text}
     assert used == set(FILES.values())
-    assert used - {file for file, _ in claims} == {
-        "leave-one-out-30.csv"
-    }  # of the command of leave-one-out-7.csv
+    assert used <= {file for file, _ in claims}
 
 
 @pytest.mark.parametrize(
@@ -147,13 +137,11 @@ def test_a_number_that_is_not_there_is_refused(name, where, words):
         Results(DOCS).number(name, "worst", **where)
 
 
-def test_a_source_a_sentence_or_a_fact_that_is_not_there_is_refused():
+def test_a_source_or_a_sentence_that_is_not_there_is_refused():
     with refuses(ValueError, "references.bib", "nobody1999"):
         Sources(DOCS / "references.bib").cite("nobody1999")
     with refuses(ValueError, "dilutions"):
         Results(DOCS).answer("dilutions")
-    with refuses(ValueError, "worst mixture"):
-        Results(DOCS).fact("worst mixture")
 
 
 def test_numbers_are_rounded_and_signed():

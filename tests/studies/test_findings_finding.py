@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from roletrust_env.metrics.confidence import Estimate, estimate
-from studies.questions import admission, both_roles, dilution, movement, noise, roles
+from studies.questions import admission, both_roles, dilution, movement, noise
 from studies.questions.answers import amount, in_words, listed, sign, verdict
-from studies.questions.breaking import Break, breaking, sentence
 
 pytestmark = pytest.mark.slow
 
@@ -47,10 +46,6 @@ def test_what_is_not_shown_is_bounded_by_its_interval():
 
 def names_of(module):
     """The differences that a question's sentence is made of."""
-    if module is roles:
-        return [
-            f"{what}, {place}" for what in ("trust", "utility") for place in ("a team", "a market")
-        ]
     if module is admission:
         kinds = admission.GAIN, admission.BLIND, admission.STRICT, admission.CUT
         return [f"{what}, {who}" for what in kinds for who in ("calm", "war")]
@@ -66,7 +61,7 @@ def names_of(module):
     ]
 
 
-@pytest.mark.parametrize("module", [roles, admission, both_roles, movement])
+@pytest.mark.parametrize("module", [admission, both_roles, movement])
 def test_a_sentence_turns_with_its_numbers(module):
     names = names_of(module)
     more, less, hidden = (module.sentence(dict.fromkeys(names, one)) for one in (MORE, LESS, OPEN))
@@ -78,7 +73,7 @@ def test_a_sentence_turns_with_its_numbers(module):
 
 @pytest.mark.parametrize(
     ("module", "yes", "no"),
-    [(roles, MORE, LESS), (admission, MORE, LESS), (both_roles, LESS, MORE)],
+    [(admission, MORE, LESS), (both_roles, LESS, MORE)],
 )
 def test_a_verdict_is_given_only_where_all_numbers_agree(module, yes, no):
     names = names_of(module)
@@ -109,40 +104,3 @@ def test_dilution_is_told_of_each_kind_of_liars_by_its_own_number():
 def test_noise_is_told_beside_a_liar(one, word):
     differences = {noise.RATERS: MORE, noise.PROVIDERS: MORE, noise.LIAR: one, noise.SHARE: one}
     assert noise.sentence(differences).count(f"0.200 ± 0.100 {word}") == 2
-
-
-# --- the share of liars that breaks a model, from made-up numbers ---
-
-
-def over(*means, half=0.05):
-    """What is left beyond a half with more and more liars."""
-    return {round(0.1 * k, 1): Estimate(mean, half) for k, mean in enumerate(means)}
-
-
-def test_it_breaks_between_the_last_share_that_holds_and_the_first_that_does_not():
-    found = breaking(over(0.5, 0.3, 0.1, -0.1, -0.3))
-    assert found == pytest.approx(Break(0.25, 0.2, 0.3))
-
-
-def test_what_is_not_shown_widens_the_interval():
-    found = breaking(over(0.5, 0.03, -0.03, -0.3))
-    assert found == pytest.approx(Break(0.15, 0.0, 0.3))
-
-
-def test_a_model_that_recovers_has_broken_all_the_same():
-    assert breaking(over(0.5, -0.5, 0.5))[1:] == (0.0, 0.1)
-
-
-def test_one_that_never_breaks_is_said_to_hold():
-    found = breaking(over(0.5, 0.4, 0.3))
-    assert found == Break(1.0, 0.2, 1.0)
-    assert "over 20% (if at all) lie with rock" in sentence({"rock": found}, set(), {})
-
-
-def test_the_sentence_names_every_model_once_and_why_some_are_not_measured():
-    breaks = {"b": Break(0.25, 0.2, 0.3), "a": Break(0.22, 0.2, 0.3), "c": Break(0.45, 0.4, 0.5)}
-    words = sentence(breaks, {"constant"}, {"mine": "returned NaN"})
-    assert "20% to 30% lie with a, b; 40% to 50% lie with c" in words
-    assert words.endswith(
-        "; nothing to lose without liars: constant; not measured: mine (returned NaN)."
-    )

@@ -32,11 +32,9 @@ def test_a_few_thousand_rounds_mislead_consumers():
     assert utility(train(settings), settings) < utility(untrained, settings) - 0.05
 
 
-@pytest.mark.parametrize(
-    ("track", "share", "channels"), [("raters", 0.5, (0,)), ("coalition", 0.3, (0, 1))]
-)
-def test_the_attacker_decides_as_the_agent_does(track, share, channels):
-    settings = Settings(track=track, share=share)
+@pytest.mark.parametrize(("name", "channels"), [("liars", (0,)), ("coalition", (0, 1))])
+def test_the_attacker_decides_as_the_agent_does(name, channels):
+    settings = Settings(task=name)
     task = make_task(**condition(settings))
     agent = Agent(settings, channels)
     features = np.random.default_rng(0).uniform(-1, 1, (5, len(FEATURES), 10)).astype(np.float32)

@@ -22,8 +22,6 @@ _VALIDATION, _START, _AGAIN = 1_000_000_000, 1_000_000_001, 1_000_000_002
 """Places of the games for validation and of those that choose the start, beside the numbers of the
 steps."""
 
-_DRAW = 1  # random numbers of the tasks of a step, beside those of its candidates
-
 _START_GAMES = 4  # but no more than a validation has
 # share of the quotient: with all of it, an attack that changes nothing is as good as the start
 _AIM = 0.8
@@ -55,9 +53,7 @@ class Validated(NamedTuple):
 class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
     """A training in progress: steps that improve weights, and validations that keep the best ones.
 
-    With several tasks a step plays two of them in turn; the result is an attacker for all. With
-    shares the tasks are a mixture, such as that of a defender who draws a trust model for each
-    game: a step draws its tasks, and scores are weighted.
+    With several tasks a step plays two of them in turn; the result is an attacker for all.
 
     Args:
         tasks: Tasks with the same reward, one or more.
@@ -65,7 +61,6 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         seed: Random seed.
         budget: Number of rounds that the whole training may play.
         known: Weights of known networks to start from, shape (n,) each, besides the random ones.
-        shares: Probability of each task; None counts all alike.
 
     Attributes:
         settings: Settings.
@@ -83,9 +78,7 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         seed: int,
         budget: int,
         known: Sequence[Floats] = (),
-        shares: Sequence[float] | None = None,
     ) -> None:
-        self._shares = shares
         self.tasks, self.settings, self.seed, self.budget = tuple(tasks), settings, seed, budget
         self.architecture = DeepSetArchitecture.of(settings.units, wide=settings.wide)
         self.steps = self.rounds = 0
@@ -140,11 +133,6 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
     def turn(self) -> list[int]:
         """Indices of the tasks of the next step."""
         many = len(self.tasks)
-        if self._shares is not None:
-            drawn = np.random.default_rng((self.seed, self.steps, _DRAW)).choice(
-                many, _TASKS_AT_ONCE, p=self._shares
-            )
-            return list(dict.fromkeys(drawn.tolist()))
         return [(_TASKS_AT_ONCE * self.steps + k) % many for k in range(min(_TASKS_AT_ONCE, many))]
 
     @property
@@ -188,7 +176,7 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         games = self.settings.validation
         network = self.networks(weights[None, :])
         played = [self.play(task, network, games, _VALIDATION)[0] for task in self.tasks]
-        score = over_games(np.average(played, axis=0, weights=self._shares))
+        score = over_games(np.mean(played, axis=0))
         self.rounds += games * len(self.tasks) * self.length
         if self.best is None or score.mean > self.best.score:
             self.best = Validated(weights, float(score.mean))
@@ -276,8 +264,5 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         networks = self.networks(np.stack(candidates))
         played = [self.play(task, networks, games, place) for task in self.tasks]
         self.rounds += len(candidates) * games * self.length * len(self.tasks)
-        if self._shares is None:
-            means: Floats = np.mean(played, axis=(0, 2))
-        else:
-            means = np.average(np.mean(played, axis=2), axis=0, weights=self._shares)
+        means: Floats = np.mean(played, axis=(0, 2))
         return means

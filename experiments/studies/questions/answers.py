@@ -1,5 +1,4 @@
-"""Answers: games that are measured as in the benchmark, and the rules that turn their numbers into
-words.
+"""Answers: games that are measured, and the rules that turn their numbers into words.
 
 The words cannot contradict the numbers. A difference of two means is shown if its 95% interval does
 not contain 0. Differences are paired: both sides play the same games with the same random numbers.
@@ -24,9 +23,6 @@ At = TypeVar("At", float, str)
 
 SETTLED = 10
 """Rounds after which the initial trust counts for 2 ** -10 at most, where lam is 0.5."""
-
-PATIENCE_S = 3600.0
-"""Time limit of a cell of a suite in seconds; an idle machine needs minutes."""
 
 _QUICK_ROUNDS, _QUICK_VALUES = 14, 2
 

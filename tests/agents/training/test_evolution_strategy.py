@@ -56,6 +56,14 @@ def test_it_learns():
     assert strategy.best.score > first + 0.05
 
 
+def test_it_steps_while_the_rounds_allow_it():
+    strategy = begun("beta", "median", budget=10_000)
+    validated = list(strategy.within(10_000))
+    assert strategy.rounds <= 10_000 < strategy.rounds + strategy.most_rounds
+    assert validated[-1]
+    assert len(validated) == strategy.steps
+
+
 def test_several_models_take_turns():
     strategy = begun("beta", "median", "mean")
     turns = []

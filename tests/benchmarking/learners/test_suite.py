@@ -5,15 +5,12 @@ from collections import Counter
 import pytest
 from refusals import refuses
 
-from roletrust_env.benchmarking.cells import task_arguments
 from roletrust_env.benchmarking.learners.learner import HONEST_PLAY, make_search_method
 from roletrust_env.benchmarking.learners.results import ALL_TASKS, learner_results
 from roletrust_env.benchmarking.learners.suite import LearnersSuite, Trial, play_trial
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import ResultStore, StoredCell
-from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.suite_files import load_suite, read_suite
-from studies import SUITES
 
 SHORT = {"max_cycles": 12, "noise": 0.0, "perturbations": []}
 
@@ -104,23 +101,9 @@ def test_without_honest_play_there_is_no_scale():
     assert {one.runs for one in results} == {1}  # only the run with the same seed
 
 
-@pytest.mark.parametrize(
-    ("task", "condition"),
-    [
-        ("liars", ("crowd", "raters", 0.5)),
-        ("coalition", ("crowd", "coalition", 0.3)),
-        ("market", ("market", "raters", 0.3)),
-    ],
-)
-def test_the_coalitions_are_those_of_the_standard_suite(task, condition):
-    arguments = load_suite("learners").tasks[task].arguments()
-    standard = task_arguments(
-        load_suite(SUITES / "two-worlds.toml"), Cell("role-trust", *condition, "PPO", 0)
-    )
-    assert {name: arguments[name] for name in ("scenario", "compromised", "objective")} == {
-        name: standard[name] for name in ("scenario", "compromised", "objective")
-    }
-    assert arguments["observation"] == "coalition"
+@pytest.mark.parametrize("task", ["liars", "coalition", "market"])
+def test_the_coalitions_are_those_of_the_suite_for_all_learners(task):
+    assert load_suite("learners").tasks[task].observation == "coalition"
     assert load_suite("learners-coalitions").tasks[task] == load_suite("learners").tasks[task]
 
 
