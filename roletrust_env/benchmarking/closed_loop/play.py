@@ -87,12 +87,14 @@ class CellPlay:
         Args:
             use: Use of the worlds.
             attacks: The attacks.
-            games: Number of games in each world. None means that of the suite.
+            games: Number of games in each world. None means that of the suite for this use.
 
         Raises:
             ValueError: An attack or a trust model fails.
         """
-        number, games = getattr(self.suite.worlds, use), games or self.suite.games
+        number = getattr(self.suite.worlds, use)
+        usual = {"selection": self.suite.selection_games, "measured": self.suite.games}
+        games = games or usual[use]
         scores = {name: np.full((number, len(attacks)), np.nan) for name in RANGES}
         longest = max(world.max_cycles for world in self.suite.worlds.worlds(use))
         regret = np.full((number, longest, len(attacks)), np.nan)

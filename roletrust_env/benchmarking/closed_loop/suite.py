@@ -132,7 +132,9 @@ class ClosedLoopSuite(SuiteSchema):
     version: str = ""
     """Version of the suite. Numbers of different versions do not compare."""
     games: Annotated[int, Field(ge=1, le=100_000)] = 8
-    """Number of games in each world."""
+    """Number of games in each measured world."""
+    selection_games: PositiveInt = 4
+    """Number of games in each selection world, in which the worst attack of a cell is chosen."""
     models: Annotated[tuple[Label, ...], Field(min_length=1)]
     """Specs of trust models."""
     own: tuple[Label, ...] = ()
@@ -229,7 +231,7 @@ class ClosedLoopSuite(SuiteSchema):
         """Return all fields that the result of a cell depends on."""
         setting = self.settings[cell.setting]
         return (
-            *(self.worlds, self.reports, setting, self.games, self.limit_s),
+            *(self.worlds, self.reports, setting, self.games, self.selection_games, self.limit_s),
             *{
                 "honest": (),
                 "scripts": (self.attacks, self.usual),
