@@ -1,353 +1,153 @@
-"""Leaderboard: the trust models in the order of their mean score in the worst case of each
-condition.
+"""Leaderboard of the closed loop: the trust models in the order of their worst-case skill.
 
-On the scale of utility a score is never less than that of a blind choice, since a consumer can
-always choose blindly. A model that ignores ratings has exactly this utility in every condition, and
-is ranked last. On the scale of skill a blind choice is 0. A leaderboard displays as a table and
-converts to other formats.
+The worst case of a model in a setting is the attack with the lowest mean skill over the selection
+worlds; honest play is one of the candidates. Its skill is measured in other worlds. All worlds
+count alike, and are a random effect: intervals are over worlds. Models that choose by the common
+rule and models that choose by their own rule are ranked apart. Opening results plays nothing.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import gcd
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmarking.caveats import caveats
-from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import Suite
-from roletrust_env.benchmarking.verdict import DIGITS, verdict
-from roletrust_env.benchmarking.worst_case import (
-    AttackScores,
-    WorstCase,
-    attack_scores,
-    worst_cases,
-)
-from roletrust_env.metrics.confidence import Estimate, Interval, over_seeds
+from roletrust_env.benchmarking.schema import AttackResult, CellResult
+from roletrust_env.benchmarking.suite import RULES, Cell, Rule, Suite
+from roletrust_env.benchmarking.verdict import verdict
+from roletrust_env.evaluation.received import SCORES
+from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.markdown import markdown_table
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-
 Floats = npt.NDArray[np.float64]
 
+CONVERGED = 0.01
+"""Difference of skill up to which a search has converged, and its starts agree."""
 
-class LeaderboardRow(NamedTuple):
-    """Row of the leaderboard. Each estimate is a mean with half its 95% interval over the games and
-    the seeds.
+
+class Column(NamedTuple):
+    """A column of the leaderboard: the mean of a score over settings and worlds.
 
     Attributes:
-        tier: Tier, which counts from 1. Models that are not told apart from the best one of a tier
-            share it. None if the model lacks results.
-        rank: Rank, which counts from 1.
-        model: Name of the model.
-        clean: Mean score over the tracks on which all agents are honest, on the scale of the suite.
-        worst: Mean score of the worst case over the conditions.
-        alike: Mean score of the worst case if only attacks count whose providers serve all raters
-            alike.
-        published: Mean score of the worst case if the consumers went by published trust.
-        ensemble: Mean score of the worst case without the known attacks that others have found.
-        open_worst: Mean score of the worst case if methods with more knowledge than a real attacker
-            count, too.
-        damage: Loss of trust of honest agents in the worst case.
-        false_alarms: Share of honest agents that are classified as attackers while all agents are
-            honest.
-        detection: AUC of the detection of attackers in the worst case.
-        holds: Probability of the same rank in another run, with new games, and with new seeds if
-            there are several.
-        missing: Number of cells that failed, entirely or in part, or that have not been played.
-        worst_attack: Name of the attack in the condition with the least score. Empty if none was
-            played.
-        worst_condition: Description of that condition.
-        alike_tier: Tier by `alike`.
-        alike_rank: Rank by `alike`.
+        name: Name.
+        score: Name of the score, see `SCORES`.
+        settings: Settings with compromised agents, those without, or those with silent consumers.
+        shown: Whether tables for readers have the column; the CSV file has all.
+        meaning: Definition.
+    """
+
+    name: str
+    score: str
+    settings: Literal["attacked", "honest", "silent"]
+    shown: bool
+    meaning: str
+
+
+COLUMNS = (
+    Column("worst", "skill", "attacked", True, "skill score in the worst case of each setting"),
+    Column(
+        *("gain", "skill", "attacked", True),
+        "worst case less that of the solo model, which listens to nobody; below 0 the model is "
+        "worse than no reputation system",
+    ),
+    Column("clean", "skill", "honest", True, "skill score while all agents are honest"),
+    Column(
+        *("silent", "silent_skill", "silent", False),
+        "skill score of consumers that send no reports, while all agents are honest",
+    ),
+    Column("regret", "regret", "attacked", False, SCORES["regret"].formula),
+    Column(
+        *("attacker_share", "attacker_share", "attacked", True),
+        "share of the services that came from compromised providers",
+    ),
+    Column(
+        *("attacker_earnings", "attacker_earnings", "attacked", False),
+        SCORES["attacker_earnings"].formula,
+    ),
+    Column(
+        *("brier", "brier", "attacked", True),
+        "mean squared difference between trust at the choice and the quality received",
+    ),
+)
+"""The columns of estimates. Those of settings with compromised agents are of the worst cases."""
+
+_TIER = "models of a tier are not significantly different from its best one (95%)"
+
+
+class WorstCase(NamedTuple):
+    """Worst case of a trust model in a setting.
+
+    Attributes:
+        attack: Name of the attack.
+        words: Short description of the attack.
+        method: Way to attack that found it.
+        record: Record of the attacker, see `roletrust_env.evaluation.attackers`.
+        scores: Scores in each measured world by name, shape (W,) each, see `SCORES`.
+        by_round: Mean regret in each round.
+        last_gain: Skill that the last doubling of its budget took from the model in a search; NaN
+            without a search.
+        disagreement: Difference between the skills at the end of two starts of the search, the
+            largest one; NaN without a second start.
+    """
+
+    attack: str
+    words: str
+    method: str
+    record: str
+    scores: dict[str, Floats]
+    by_round: Sequence[float | None]
+    last_gain: float
+    disagreement: float
+
+    @property
+    def skill(self) -> float:
+        """Mean skill over the measured worlds."""
+        return float(mean_or_nan(self.scores["skill"], axis=0))
+
+
+class BoardRow(NamedTuple):
+    """Row of the leaderboard.
+
+    Attributes:
+        tier: Tier among the models with the same choice rule, which counts from 1. None if the
+            model lacks results.
+        rank: Rank by the worst case, which counts from 1.
+        model: Spec of the trust model.
+        rule: Choice rule of the consumers.
+        estimates: Means over worlds with half their 95% interval, by the name of the column, see
+            `COLUMNS`.
+        worst_setting: Setting with the lowest skill.
+        worst_attack: Worst attack in this setting.
+        missing: Number of cells that failed or have not been played.
     """
 
     tier: int | None
     rank: int
     model: str
-    clean: Estimate
-    worst: Estimate
-    alike: Estimate
-    published: Estimate
-    ensemble: Estimate
-    open_worst: Estimate
-    damage: Estimate
-    false_alarms: Estimate
-    detection: Estimate
-    holds: float
+    rule: Rule
+    estimates: dict[str, Estimate]
+    worst_setting: str
+    worst_attack: str
     missing: int
-    worst_attack: str = ""
-    worst_condition: str = ""
-    alike_tier: int | None = None
-    alike_rank: int = 0
 
-    def line(self) -> list[object]:
-        """Return the row as plain values in the order of `HEADER`."""
-        numbers = [value for name in _ESTIMATES for value in getattr(self, name)[:2]]
-        return [*self[:_FIRST], *numbers, *self[_LAST:]]
-
-
-_ESTIMATES = tuple(
-    name for name, kind in LeaderboardRow.__annotations__.items() if kind is Estimate
-)
-_FIRST = LeaderboardRow._fields.index(_ESTIMATES[0])
-_LAST = _FIRST + len(_ESTIMATES)
 
 HEADER = (
-    *LeaderboardRow._fields[:_FIRST],
-    *(f"{name}{end}" for name in _ESTIMATES for end in ("", "_half_95")),
-    *LeaderboardRow._fields[_LAST:],
+    *("tier", "rank", "model", "rule"),
+    *(name for column in COLUMNS for name in (column.name, f"{column.name}_half_95")),
+    *("worst_setting", "worst_attack", "missing"),
 )
-"""Column names of the leaderboard as a table."""
+"""Column names of the leaderboard as a CSV file."""
 
-
-def leaderboard_rows(
-    suite: Suite,
-    stored: Sequence[StoredCell],
-    models: Sequence[str],
-    cells_each: int,
-    attacks: Sequence[AttackScores] | None = None,
-) -> list[LeaderboardRow]:
-    """Return the rows of the leaderboard from the best model to the worst. Models that tie share a
-    rank.
-
-    Args:
-        suite: Suite of the run.
-        stored: Cells of the run with their results.
-        models: Names of the models to rank.
-        cells_each: Number of cells of each model.
-        attacks: Scores of the attacks in the cells. They are computed if None.
-    """
-    attacks = attack_scores(suite, stored) if attacks is None else attacks
-    honest = {name for name, track in suite.tracks.items() if not track.roles}
-    own = [
-        scores
-        for scores in attacks
-        if (scores.attack, tuple(scores.condition)) not in suite.entered
-    ]
-    black_box, without, white_box = (
-        worst_cases(attacks),
-        worst_cases(own),
-        worst_cases(attacks, white_box=True),
-    )
-    serving_alike = worst_cases(attacks, alike=True)
-    clean = [case for case in black_box.values() if case.condition.track in honest]
-    attacked, alike, ensemble, open_attacked = (
-        [case for case in cases.values() if case.condition.track not in honest]
-        for cases in (black_box, serving_alike, without, white_box)
-    )
-    columns = {
-        "clean": score_table(clean, models),
-        "worst": score_table(attacked, models),
-        "alike": score_table(alike, models),
-        "published": score_table(attacked, models, lambda case: case.published),
-        "ensemble": score_table(ensemble, models),
-        "open_worst": score_table(open_attacked, models),
-        "damage": score_table(attacked, models, lambda case: case.measured["damage"]),
-        "false_alarms": score_table(clean, models, lambda case: case.measured["false_alarms"]),
-        "detection": score_table(attacked, models, lambda case: case.measured["auc"]),
-    }
-    estimates = {
-        name: over_seeds(values, len(models)).estimates for name, values in columns.items()
-    }
-    missing = [
-        cells_each - sum(cell.model == model and not result.failed for cell, result in stored)
-        for model in models
-    ]
-    means = {
-        name: [estimate.mean for estimate in estimates[name]]
-        for name in ("clean", "worst", "alike")
-    }
-    places, own_places = (
-        _places(columns[name], means[name], means["clean"], missing) for name in ("worst", "alike")
-    )
-    rows = []
-    for k, model in enumerate(models):
-        lowest = min(
-            (case for case in attacked if case.model == model),
-            key=lambda case: case.mean,
-            default=None,
-        )
-        row = LeaderboardRow(
-            tier=places.tiers.get(k),
-            rank=places.ranks[k],
-            model=model,
-            **{name: values_of_models[k] for name, values_of_models in estimates.items()},
-            holds=places.holds.get(k, np.nan),
-            missing=missing[k],
-            worst_attack="" if lowest is None else lowest.attack,
-            worst_condition="" if lowest is None else lowest.condition.description,
-            alike_tier=own_places.tiers.get(k),
-            alike_rank=own_places.ranks[k],
-        )
-        rows.append(row)
-    return [rows[k] for k in places.ranks]
-
-
-class _Places(NamedTuple):
-    """Ranks, tiers and the probability that a rank holds, by the number of the model, the best
-    first.
-    """
-
-    ranks: dict[int, int]
-    tiers: dict[int, int]
-    holds: dict[int, float]
-
-
-def _places(
-    scores: Floats, means: Sequence[float], clean: Sequence[float], missing: Sequence[int]
-) -> _Places:
-    """Return the places of models.
-
-    Args:
-        scores: Score of each model, seed and game, shape (M, S, G).
-        means: Mean score of each model.
-        clean: Mean score while all agents are honest, which decides between equal ones.
-        missing: Number of cells that each model lacks; a model that lacks some is last and has no
-            tier.
-    """
-    keys = [
-        (lacking > 0, *_order(*pair)) for lacking, *pair in zip(missing, means, clean, strict=True)
-    ]
-    order = sorted(range(len(keys)), key=lambda k: keys[k])
-    in_order = [keys[k] for k in order]
-    ranks = {
-        k: in_order.index(keys[k]) + 1 for k in order
-    }  # equal keys share the rank of the first one
-    judged = [k for k in order if not missing[k] and not np.isnan(means[k])]
-    ranked = verdict(scores[judged])
-    tiers, holds = (
-        dict(zip(judged, ranked.tiers, strict=True)),
-        dict(zip(judged, ranked.holds, strict=True)),
-    )
-    return _Places(ranks, tiers, holds)
-
-
-def _order(worst: float, clean: float) -> tuple[float, float]:
-    """Return a sort key: the best first, undefined values last, and equal keys where only rounding
-    differs.
-    """
-    return tuple(np.inf if np.isnan(x) else -round(x, DIGITS) for x in (worst, clean))  # type: ignore[return-value]
-
-
-def score_table(
-    cases: Sequence[WorstCase],
-    models: Sequence[str],
-    value: Callable[[WorstCase], Floats] = lambda case: case.score,
-) -> Floats:
-    """Return the mean over the conditions for each model, seed and game, shape (M, S, G); NaN
-    without a condition.
-
-    Where a condition has several times as many games as another, the mean of so many of them counts
-    as one.
-
-    Args:
-        cases: Worst cases of the models.
-        models: Names of the models.
-        value: Function that returns the value of a worst case, shape (S, G).
-    """
-    shapes = {case.score.shape for case in cases} or {(1, 1)}
-    seeds, games = min(shapes)[0], gcd(*(shape[1] for shape in shapes))
-    table = np.full((len(models), seeds, games), np.nan)
-    for k, model in enumerate(models):
-        if mine := [value(case).reshape(seeds, games, -1) for case in cases if case.model == model]:
-            table[k] = mean_or_nan(np.stack([mean_or_nan(part, axis=-1) for part in mine]), axis=0)
-    return table
-
-
-class MovedRow(NamedTuple):
-    """A model with and without attacks whose providers treat raters differently.
-
-    Attributes:
-        model: Name of the model.
-        tier: Tier by the worst case.
-        rank: Rank by the worst case.
-        alike_tier: Tier without these attacks.
-        alike_rank: Rank without these attacks.
-        worst: Mean score of the worst case.
-        alike: The same without these attacks.
-        loss: What these attacks cost, in the same games.
-        loss_half_95: Half the 95% interval of the loss.
-        condition: Condition in which they cost most.
-        condition_loss: What they cost there.
-        attack: Worst attack there.
-    """
-
-    model: str
-    tier: int | None
-    rank: int
-    alike_tier: int | None
-    alike_rank: int
-    worst: float
-    alike: float
-    loss: float
-    loss_half_95: float
-    condition: str
-    condition_loss: float
-    attack: str
-
-
-def moved_rows(rows: Sequence[LeaderboardRow], attacks: Sequence[AttackScores]) -> list[MovedRow]:
-    """Return what attacks cost each model whose providers treat raters differently, in the order of
-    the leaderboard.
-
-    Args:
-        rows: Rows of the leaderboard.
-        attacks: Scores of the attacks in conditions with attackers.
-    """
-    models, worst, alike = (
-        [row.model for row in rows],
-        worst_cases(attacks),
-        worst_cases(attacks, alike=True),
-    )
-    both = [key for key in worst if key in alike]
-    tables = (score_table([cases[key] for key in both], models) for cases in (alike, worst))
-    losses = over_seeds(np.subtract(*tables), len(models)).estimates
-    moved = []
-    for row, loss in zip(rows, losses, strict=True):
-        mine = {key: alike[key].mean - worst[key].mean for key in both if key[0] == row.model}
-        most = max(mine, key=mine.__getitem__, default=None)
-        where, cost, attack = ("", np.nan, "")
-        if most is not None:
-            where, cost, attack = most[1].description, mine[most], worst[most].attack
-        places, means = (
-            (row.tier, row.rank, row.alike_tier, row.alike_rank),
-            (row.worst.mean, row.alike.mean),
-        )
-        moved.append(MovedRow(row.model, *places, *means, *loss[:2], where, cost, attack))
-    return moved
-
-
-_MEANINGS = {
-    "score": "{score} of choosing by trust, ± half the 95% interval over the {runs}",
-    "tier": "models that are not told apart from the first one of the tier, at 5% for the whole table",  # noqa: E501
-    "rank": "",
-    "model": "",
-    "clean": "all agents honest",
-    "worst": "mean of the worst case over the conditions, chosen in other games",
-    "alike": "the worst case of attacks that serve all raters alike, and the place by it",
-    "published": "the worst case if consumers went by published trust",
-    "ensemble": "the worst case without the attacks that others have found",
-    "real": "what a model keeps in replays of real logs with hostile accounts, the mean over goals and logs",  # noqa: E501
-    "worst attack": "the attack in the condition with the least {score}",
-    "damage": "loss of trust of honest agents in the worst case",
-    "alarms": "share of honest agents with trust below 0.5 while all agents are honest",
-    "AUC": "detection of attackers by trust in the worst case",
-    "holds": "probability of the same rank in another run with new {runs}",
-}
-"""Meaning of the score and of each column."""
-
-COLUMNS = tuple(_MEANINGS)[1:]
-"""Columns of the displayed table, see `Leaderboard.columns`."""
-
-_LEFT = ("model", "worst attack")
+CASES_HEADER = (
+    *("model", "rule", "setting", "attack", "words", "method"),
+    *(name for score in SCORES for name in (score, f"{score}_half_95")),
+    *("last_gain", "disagreement"),
+)
+"""Column names of the worst cases as a CSV file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,85 +155,50 @@ class Leaderboard:
     """Leaderboard of a run.
 
     Attributes:
-        suite: Suite of the run, with its models and attacks by name.
-        rows: Trust models from the best to the worst.
-        caveats: Limitations of the numbers, one line each.
-        cells: All cells with their results.
-        attacks: Scores of all attacks.
-        real: What models keep in replays of real logs, by name, see
-            `roletrust_env.benchmarking.real_logs`.
+        suite: Suite of the run.
+        rows: Trust models with the common choice rule, from the best to the worst, then those with
+            their own one.
+        worst_cases: Worst case by model, choice rule and setting.
     """
 
     suite: Suite
-    rows: list[LeaderboardRow]
-    caveats: list[str]
-    cells: list[StoredCell]
-    attacks: list[AttackScores]
-    real: Mapping[str, Interval]
+    rows: list[BoardRow]
+    worst_cases: dict[tuple[str, Rule, str], WorstCase]
 
     @classmethod
-    def of(
-        cls, suite: Suite, stored: Sequence[StoredCell], real: Mapping[str, Interval] | None = None
-    ) -> Self:
+    def of(cls, suite: Suite, stored: Sequence[tuple[Cell, CellResult]]) -> Self:
         """Return the leaderboard of a run.
 
         Args:
             suite: Suite of the run.
             stored: Cells of the run with their results.
-            real: What models keep in replays of real logs, by name.
         """
-        names = suite.model_names
-        attacks = attack_scores(suite, stored)
-        rows = leaderboard_rows(suite, stored, names, len(suite.cells()) // len(names), attacks)
-        return cls(
-            suite, rows, caveats(suite, stored, attacks, names), list(stored), attacks, real or {}
-        )
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the columns that say something in this run.
-
-        All of `COLUMNS`, but `alike` only if some attack treats raters differently, `published`
-        only if the consumers are raters, `ensemble` only if others have found attacks, and `real`
-        only with replays of logs.
-        """
-        idle = set() if any(attack.treats for attack in self.attacks) else {"alike"}
-        if self.suite.consumers == "public":
-            idle.add("published")
-        if not any(attack.finder for attack in self.suite.known):
-            idle.add("ensemble")
-        if not self.real:
-            idle.add("real")
-        return tuple(name for name in COLUMNS if name not in idle)
-
-    def explain(self, columns: Sequence[str]) -> dict[str, str]:
-        """Return the meaning of the score, and of each of some columns that needs an explanation,
-        by name.
-        """
-        words = {
-            "score": self.suite.score,
-            "runs": "games and seeds" if len(self.suite.seeds) > 1 else "games",
-        }
-        return {
-            name: _MEANINGS[name].format(**words) for name in ("score", *columns) if _MEANINGS[name]
-        }
+        cases = _worst_cases(stored)
+        played = {cell.key for cell, result in stored if not result.failed}
+        rows = [row for rule in RULES for row in _rows(suite, rule, cases, played)]
+        return cls(suite, rows, cases)
 
     @property
     def legend(self) -> str:
-        """Meaning of the score and of the columns, as a list in Markdown."""
-        return "".join(
-            f"- **{name}**: {meaning}.\n" for name, meaning in self.explain(self.columns).items()
+        """Meaning of the columns, as a list in Markdown."""
+        meanings = {"tier": _TIER} | {c.name: c.meaning for c in COLUMNS if c.shown}
+        lines = (f"- **{_title(name)}**: {meaning}.\n" for name, meaning in meanings.items())
+        note = "- Estimates are means over the measured worlds ± half the 95% interval.\n"
+        return "".join(lines) + note
+
+    @property
+    def convergence(self) -> str:
+        """Number of searches that converged, in one sentence; empty without a search."""
+        gains = np.array([case.last_gain for case in self.worst_cases.values()])
+        apart = np.array([case.disagreement for case in self.worst_cases.values()])
+        searched, twice = gains[~np.isnan(gains)], apart[~np.isnan(apart)]
+        if not len(searched):
+            return ""
+        return (
+            f"The last doubling of the budget gained less than {CONVERGED} in "
+            f"{(searched < CONVERGED).sum()} of {len(searched)} searches; two starts agree within "
+            f"{CONVERGED} in {(twice < CONVERGED).sum()} of {len(twice)}."
         )
-
-    def to_pandas(self) -> "pd.DataFrame":
-        """Return the rows as a data frame with the columns of `to_csv`.
-
-        Raises:
-            ModuleNotFoundError: pandas is not installed.
-        """
-        import pandas as pd
-
-        return pd.DataFrame([row.line() for row in self.rows], columns=list(HEADER))
 
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as a CSV file.
@@ -441,78 +206,198 @@ class Leaderboard:
         Raises:
             OSError: The file cannot be written.
         """
-        write_csv(Path(path), HEADER, [row.line() for row in self.rows])
+        lines = [
+            (
+                *row[:4],
+                *(x for column in COLUMNS for x in row.estimates[column.name][:2]),
+                *row[-3:],
+            )
+            for row in self.rows
+        ]
+        write_csv(Path(path), HEADER, lines)
+
+    def cases_to_csv(self, path: str | Path) -> None:
+        """Write the worst case of each model in each setting as a CSV file.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        lines = [
+            (
+                *(*key, case.attack, case.words, case.method),
+                *(x for score in SCORES for x in _estimates(case.scores[score][None])[0][:2]),
+                *(case.last_gain, case.disagreement),
+            )
+            for key, case in self.worst_cases.items()
+        ]
+        write_csv(Path(path), CASES_HEADER, lines)
 
     def to_markdown(self) -> str:
-        """Return the rows as a table in Markdown, with the columns of `columns`."""
-        lines = []
-        for row in self.rows:
-            texts = row_texts(row, " ± ", self.real)
-            texts["model"] = f"`{texts['model']}`"
-            lines.append([texts[name] for name in self.columns])
-        return markdown_table(self.columns, lines, names=_LEFT)
+        """Return the rows as tables in Markdown, one for each choice rule."""
+        parts = []
+        for rule, lines in self._tables():
+            names = ("model", "worst attack")
+            for line in lines:
+                line["model"] = f"`{line['model']}`"
+            table = markdown_table(tuple(lines[0]), [list(x.values()) for x in lines], names=names)
+            parts.append(f"{_HEADINGS[rule]}\n\n{table}")
+        return "\n\n".join(parts)
 
     def __repr__(self) -> str:
-        """Return the rows as a table of plain text."""
-        lines = [
-            dict(zip(COLUMNS, COLUMNS, strict=True)),
-            *(row_texts(row, "±", self.real) for row in self.rows),
-        ]
-        widths = {name: max(len(line[name]) for line in lines) for name in self.columns}
-        text = [
-            "  ".join(
-                f"{line[name]:{'<' if name in _LEFT else '>'}{width}}"
-                for name, width in widths.items()
-            )
-            for line in lines
-        ]
-        title = f"Leaderboard, suite {self.suite.name}"
-        return "\n".join([title, *(line.rstrip() for line in text), *self.caveats])
+        """Return the rows as tables of plain text."""
+        parts = [f"Leaderboard, suite {self.suite.name}"]
+        for rule, lines in self._tables():
+            widths = {x: max(len(x), *(len(line[x]) for line in lines)) for x in lines[0]}
+            texts = [dict.fromkeys(lines[0], ""), *lines]
+            texts[0] = {name: name for name in lines[0]}
+            text = ("  ".join(f"{t[x]:<{widths[x]}}" for x in widths).rstrip() for t in texts)
+            parts.append("\n".join([_HEADINGS[rule], *text]))
+        return "\n".join(parts)
 
     def _repr_markdown_(self) -> str:
-        """Return the rows as a table for a notebook, with what its columns mean."""
-        notes = "".join(f"- {line}\n" for line in self.caveats)
-        return (
-            "**Leaderboard, suite "
-            f"{self.suite.name}**\n\n{self.to_markdown()}\n\n{self.legend}\n{notes}"
+        """Return the rows as tables for a notebook, with what their columns mean."""
+        title = f"**Leaderboard, suite {self.suite.name}**"
+        return f"{title}\n\n{self.to_markdown()}\n\n{self.legend}"
+
+    def _tables(self) -> list[tuple[Rule, list[dict[str, str]]]]:
+        """Return the displayed columns of each table as text."""
+        tables = [(rule, [_texts(row) for row in self.rows if row.rule == rule]) for rule in RULES]
+        return [(rule, lines) for rule, lines in tables if lines]
+
+
+_HEADINGS: dict[Rule, str] = {
+    "common": "Common choice rule: the provider of the highest trust, with forced exploration",
+    "own": "Own choice rule of the model, without forced exploration",
+}
+
+
+def _rows(
+    suite: Suite,
+    rule: Rule,
+    cases: dict[tuple[str, Rule, str], WorstCase],
+    played: set[str],
+) -> list[BoardRow]:
+    """Return the rows of a choice rule, from the best to the worst."""
+    models = [model for model, own in suite.entrants if own == rule]
+    expected = [cell for cell in suite.cells() if cell.rule == rule]
+    missing = [
+        sum(cell.key not in played for cell in expected if cell.model == model) for model in models
+    ]
+    kinds = {
+        name: "attacked" if setting.roles else "silent" if setting.silent else "honest"
+        for name, setting in suite.settings.items()
+    }
+
+    def table(column: Column) -> Floats:
+        """Return the mean over settings for each model and world, shape (M, W)."""
+        settings = [name for name, kind in kinds.items() if kind == column.settings]
+        grid = np.full((len(models), max(1, len(settings)), suite.worlds.measured), np.nan)
+        for m, model in enumerate(models):
+            for s, setting in enumerate(settings):
+                if (model, rule, setting) in cases:
+                    grid[m, s] = cases[model, rule, setting].scores[column.score]
+        return mean_or_nan(grid, axis=1)
+
+    values = {column.name: table(column) for column in COLUMNS}
+    worst = values["worst"]
+    solo = suite.solo[rule]
+    values["gain"] = worst - worst[models.index(solo)] if solo in models else np.nan * worst
+    estimates = {name: _estimates(grid) for name, grid in values.items()}
+    keys = [
+        (lacking > 0, np.inf if np.isnan(mean) else -round(mean, 9))
+        for lacking, (mean, *_) in zip(missing, estimates["worst"], strict=True)
+    ]
+    order = sorted(range(len(models)), key=lambda k: keys[k])
+    judged = [k for k in order if not missing[k] and not np.isnan(keys[k][1])]
+    tiers = dict(zip(judged, verdict(worst[judged][:, None]).tiers, strict=True))
+    rows = []
+    for k in order:
+        own = {
+            name: case
+            for name, kind in kinds.items()
+            if kind == "attacked" and (case := cases.get((models[k], rule, name)))
+        }
+        lowest = min(own, key=lambda name: own[name].skill, default="")
+        rows.append(
+            BoardRow(
+                tier=tiers.get(k),
+                rank=[keys[j] for j in order].index(keys[k]) + 1,
+                model=models[k],
+                rule=rule,
+                estimates={name: parts[k] for name, parts in estimates.items()},
+                worst_setting=lowest,
+                worst_attack=own[lowest].attack if lowest else "",
+                missing=missing[k],
+            )
         )
+    return rows
 
 
-def row_texts(
-    row: LeaderboardRow, between: str, real: Mapping[str, Interval] | None = None
-) -> dict[str, str]:
-    """Return a row as text, by the names in `COLUMNS`.
+def _worst_cases(
+    stored: Sequence[tuple[Cell, CellResult]],
+) -> dict[tuple[str, Rule, str], WorstCase]:
+    candidates: dict[tuple[str, Rule, str], list[tuple[Cell, AttackResult]]] = {}
+    for cell, result in stored:
+        for row in result.rows:
+            candidates.setdefault((cell.model, cell.rule, cell.setting), []).append((cell, row))
+    cases = {}
+    for key, attacks in candidates.items():
+        measured = [attack for attack in attacks if attack[1].measured]
+        cell, row = min(measured, key=lambda attack: _mean(attack[1].chosen["skill"]))
+        starts = [row for cell, row in attacks if cell.method == "search"]
+        cases[key] = WorstCase(
+            row.attack,
+            row.words,
+            cell.method,
+            row.record,
+            {name: np.array(values, np.float64) for name, values in row.measured.items()},
+            row.by_round,
+            max((_last_gain(start) for start in starts), default=np.nan),
+            _disagreement([_mean(start.chosen["skill"]) for start in starts]),
+        )
+    return cases
 
-    Args:
-        row: Row of a leaderboard.
-        between: Text between a mean and half its interval.
-        real: What models keep in replays of real logs, by name.
-    """
-    real_score = (real or {}).get(row.model)
-    worst = f"{row.worst_attack} ({row.worst_condition})" if row.worst_attack else "-"
-    holds = "-" if row.holds != row.holds else f"{row.holds:.0%}"
+
+def _last_gain(row: AttackResult) -> float:
+    """Return the skill that the last doubling of the rounds of a search took from the model."""
+    rounds, last = row.progress[-1]
+    earlier = [skill for played, skill in row.progress if 2 * played <= rounds]
+    return earlier[-1] - last if earlier else np.nan
+
+
+def _disagreement(skills: Sequence[float]) -> float:
+    return max(skills) - min(skills) if len(skills) > 1 else np.nan
+
+
+def _mean(values: Sequence[float | None]) -> float:
+    """Return a mean by which a worst case is chosen; infinite where it is undefined."""
+    mean = float(mean_or_nan(np.array(values, np.float64), axis=0))
+    return np.inf if np.isnan(mean) else mean
+
+
+def _estimates(values: Floats) -> list[Estimate]:
+    """Return the mean over worlds for each row, shape (M, W)."""
+    return over_seeds(values[:, None], len(values)).estimates
+
+
+def _title(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _texts(row: BoardRow) -> dict[str, str]:
+    """Return the displayed columns of a row as text."""
+    attack = f"{row.worst_attack} ({row.worst_setting})" if row.worst_attack else "-"
     return {
         "tier": "-" if row.tier is None else str(row.tier),
         "rank": str(row.rank),
         "model": row.model,
-        "clean": _estimate(row.clean, between),
-        "worst": _estimate(row.worst, between),
-        "alike": f"{_estimate(row.alike, between)} ({row.alike_rank}, tier {row.alike_tier or '-'})",  # noqa: E501
-        "published": _estimate(row.published, between),
-        "ensemble": _estimate(row.ensemble, between),
-        "real": "-"
-        if real_score is None
-        else f"{real_score.value:.3f} ({real_score.low:.3f}, {real_score.high:.3f})",
-        "worst attack": worst,
-        "damage": _estimate(row.damage),
-        "alarms": _estimate(row.false_alarms),
-        "AUC": _estimate(row.detection),
-        "holds": f"{row.missing} failed or missing" if row.missing else holds,
+        **{_title(c.name): _number(row.estimates[c.name]) for c in COLUMNS if c.shown},
+        "worst attack": f"{row.missing} failed or missing" if row.missing else attack,
     }
 
 
-def _estimate(estimate: Estimate, between: str = "") -> str:
+def _number(estimate: Estimate) -> str:
     if estimate.mean != estimate.mean:
         return "-"
-    half = f"{between}{estimate.half:.3f}" if between and estimate.half == estimate.half else ""
+    half = f" ± {estimate.half:.3f}" if estimate.half == estimate.half else ""
     return f"{estimate.mean:.3f}{half}"

@@ -8,6 +8,7 @@ could stay locked or hold half a message. The result of a cell does not depend o
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from math import inf
@@ -18,7 +19,6 @@ from time import monotonic
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.closed_loop import cells as closed_loop
 from roletrust_env.benchmarking.entrants import register_packed
 from roletrust_env.benchmarking.learners.suite import play_trial
 from roletrust_env.benchmarking.schema import AnyCell, CellResult, SuiteSchema, reason
@@ -77,7 +77,7 @@ class _Worker(Generic[Key]):
         self.ready, self.deadline = False, inf
         self.job: _Job[Key] | None = None
         self._process = _SPAWN.Process(target=_serve, args=(work, prepare, other_end), daemon=True)
-        with _environment(environment), without_interrupts():
+        with _environment(environment), _apart_from_main(), without_interrupts():
             self._process.start()
         other_end.close()
 
@@ -201,6 +201,20 @@ def _environment(variables: Mapping[str, str]) -> Iterator[None]:
             os.environ.update({} if value is None else {name: value})
 
 
+@contextmanager
+def _apart_from_main() -> Iterator[None]:
+    """Let a process start without running the main script again. Models from there travel by value,
+    so a script needs no guard, and a notebook or a program from standard input works, too.
+    """
+    main = vars(sys.modules["__main__"])
+    known = {name: main.pop(name) for name in ("__file__", "__spec__") if name in main}
+    main["__spec__"] = None
+    try:
+        yield
+    finally:
+        main.update(known)
+
+
 def _serve(work: Callable[..., Any], prepare: Callable[[], None] | None, link: Connection) -> None:
     """Run the main loop of a worker process. It ends when the link is closed."""
     if os.name == "posix":
@@ -251,8 +265,8 @@ class LocalPool:
     Args:
         workers: Number of processes. None means one for each core that this process may use.
         entrants: Packed trust model objects, see `roletrust_env.benchmarking.entrants.pack`.
-        records: Records of the attackers that play in place of a search, by cell, see
-            `AttackResult`.
+        records: Records of attackers by name that play in place of a search, by cell, see
+            `play_cell`.
         isolated: Give trust models of other packages processes of their own, apart from the games.
         keep: Keep the processes for further cells, as long as this process runs.
     """
@@ -261,7 +275,7 @@ class LocalPool:
         self,
         workers: int | None = None,
         entrants: bytes = b"",
-        records: Mapping[AnyCell, str] | None = None,
+        records: Mapping[AnyCell, Mapping[str, str]] | None = None,
         *,
         isolated: bool = False,
         keep: bool = False,
@@ -274,7 +288,7 @@ class LocalPool:
     def play(self, suite: SuiteSchema, cells: Sequence[Any]) -> PlayedCells:
         """See `Pool.play`. Each cell has the time limit of the suite."""
         jobs = {
-            cell: (suite, cell, self._entrants, self._records.get(cell, ""), self._isolated)
+            cell: (suite, cell, self._entrants, self._records.get(cell), self._isolated)
             for cell in cells
         }
         try:
@@ -304,8 +318,7 @@ def worker_death(detail: str) -> CellResult:
 
 
 _PLAY: dict[str, Callable[..., CellResult]] = {
-    "robustness": play_cell,
-    "closed-loop": closed_loop.play_cell,
+    "closed-loop": play_cell,
     "learners": play_trial,
 }
 """Functions that play a cell, by the kind of its suite."""
@@ -315,7 +328,7 @@ def play_safely(
     suite: SuiteSchema,
     cell: AnyCell,
     entrants: bytes = b"",
-    record: str = "",
+    records: Mapping[str, str] | None = None,
     isolated: bool = False,
 ) -> CellResult:
     """Play a cell. An exception of a trust model, an attacker or a learner becomes a failed
@@ -324,7 +337,7 @@ def play_safely(
     try:
         register_packed(entrants)
         play = _PLAY[suite.kind]
-        options = {"record": record, "isolated": isolated}
+        options = {"records": records, "isolated": isolated}
         return play(suite, cell, **{name: option for name, option in options.items() if option})
     except (Exception, SystemExit) as error:  # plug-in code may raise anything
         return CellResult((), 0.0, failed=reason(error))

@@ -2,24 +2,20 @@
 benchmark`.
 """
 
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
-from itertools import chain
-from multiprocessing import current_process
 from pathlib import Path
 from typing import Any
 
 from roletrust_env.benchmarking.entrants import Entrant, name_entrants, pack, temporary_registration
-from roletrust_env.benchmarking.known_attacks import check_records
+from roletrust_env.benchmarking.entries import published_cells
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
 from roletrust_env.benchmarking.store import ResultStore, StoredCell
-from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Suite
+from roletrust_env.benchmarking.suite import Suite, with_models
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite
-from roletrust_env.evaluation.search import search_methods
-from roletrust_env.evaluation.specs import named_factory, parse_kinds, parse_trust_model
+from roletrust_env.evaluation.specs import parse_kinds
 from roletrust_env.parameters import truth_value, whole_number
 from roletrust_env.storage.files import prepare_folder
 
@@ -32,24 +28,28 @@ OnCell = Callable[[Any, CellResult], None]
 
 def benchmark(
     models: Entrant | list[Entrant] | tuple[Entrant, ...] | None = None,
-    suite: str | Path | Suite = "quick",
+    suite: str | Path | Suite = "standard",
     *,
     attacks: str | Sequence[str] | None = None,
+    search: bool = False,
     workers: int | None = None,
     out: str | Path | None = None,
     force: bool = False,
     progress: bool = True,
 ) -> Leaderboard:
-    """Attack trust models with all attacks of a suite, and rank them by the worst case.
+    """Attack trust models in the worlds of a suite, and rank them by the worst case beside the
+    published models.
 
     Args:
         models: Trust models: a spec such as `"role-trust:lam=0.7"`, a class, an instance, or a list
-            of these. `"all"` means all installed models, and None means the models of the suite.
+            of these. `"all"` means the models of the suite. None plays nothing: the leaderboard
+            then has the published models.
         suite: Name of a suite, path of a TOML file, or a `Suite`.
-        attacks: Specs of scripted attacks that replace those of the suite, or one spec.
+        attacks: Specs of scripted attacks that replace those of the suite, or one spec. Published
+            models, which did not face them, are then left out.
+        search: Search for attacks, too, which takes hours instead of minutes.
         workers: Number of processes. None means one for each core. With 0 the cells are played in
-            this process. A script that starts processes calls `benchmark` below `if __name__ ==
-            "__main__":`; a notebook need not.
+            this process.
         out: Folder of the results. A stopped run continues from there. None writes no files.
         force: Start again, and delete earlier results in `out`.
         progress: Show a progress bar.
@@ -63,13 +63,13 @@ def benchmark(
         OSError: `out` cannot be written.
 
     Example:
-        >>> from roletrust_env.benchmarking import Suite, benchmark
-        >>> tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
-        >>> market = {"preset": "market", "set": {"max_cycles": 10}}
-        >>> suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, methods=["scripted"], games=4)
-        >>> board = benchmark(["mean", "constant"], suite, attacks=["bad-mouthing"], workers=0, progress=False)
-        >>> [row.model for row in board.rows]
-        ['mean', 'constant']
+        >>> from roletrust_env.benchmarking import benchmark, load_suite
+        >>> suite = load_suite("quick")
+        >>> small = suite.worlds.model_copy(update={"selection": 1, "measured": 2})
+        >>> suite = suite.model_copy(update={"worlds": small, "games": 1, "selection_games": 1})
+        >>> board = benchmark("mean", suite, attacks=["bad-mouthing", "on-off", "sybil"], workers=0, progress=False)
+        >>> sorted({row.model for row in board.rows})
+        ['mean', 'own-experience', 'solo-threshold']
     """  # noqa: E501
     if isinstance(attacks, str):
         attacks = [attacks]
@@ -78,68 +78,53 @@ def benchmark(
             raise ValueError(f"{name} is empty; None means those of the suite")
     workers = None if workers is None else whole_number("workers", workers)
     force, progress = truth_value("force", force), truth_value("progress", progress)
-    if workers != 0 and getattr(current_process(), "_inheriting", False):
-        # A worker imports the script again, which must not play the benchmark again.
-        sys.exit(
-            "call benchmark() below `if __name__ == '__main__':` in a script, or with workers=0"
-        )
-    entrants: list[Entrant] = []
-    if isinstance(models, str) and models == "all":
-        entrants += _robustness(suite).model_copy(update={"models": "all"}).model_names
-    elif models is not None:
-        entrants += models if isinstance(models, list | tuple) else [models]
-    names, instances = name_entrants(entrants)
+    chosen_suite = _of_models(suite)
+    if models is None:
+        return Leaderboard.of(*published_cells(_without_models(chosen_suite)))
+    everything = isinstance(models, str) and models == "all"
+    given: list[Any] = list(models) if isinstance(models, list | tuple) else [models]
+    names, instances = name_entrants(chosen_suite.models if everything else given)
     with temporary_registration(instances):
-        selected = with_names(_robustness(suite), names, attacks or ())
+        selected = selected_suite(
+            chosen_suite, names, attacks or (), search=truth_value("search", search)
+        )
         pool: Pool = InProcess() if workers == 0 else LocalPool(workers, pack(instances))
         with ExitStack() as stack:
             listeners = _bar(stack, selected.name) if progress else {}
             cells = play_suite(
                 selected, pool, out=None if out is None else Path(out), force=force, **listeners
             )
-        return Leaderboard.of(selected, cells)
+        return placed(selected, cells)
 
 
-def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> Suite:
+def placed(suite: Suite, cells: Sequence[StoredCell]) -> Leaderboard:
+    """Return the leaderboard of a run with the published models that were measured as its own."""
+    with_published, more = published_cells(suite)
+    return Leaderboard.of(with_published, [*cells, *more])
+
+
+def selected_suite(
+    suite: Suite, models: Sequence[str], attacks: Sequence[str] = (), *, search: bool = False
+) -> Suite:
     """Return the suite with other trust models and attacks, and check that all of them can be
     created.
 
     Args:
         suite: Suite to change.
-        models: Specs of trust models that replace those of the suite. Empty keeps the models of the
-            suite.
+        models: Specs of trust models that replace those of the suite.
         attacks: Specs of scripted attacks that replace those of the suite. Empty keeps the attacks
             of the suite.
+        search: Search for attacks, too.
 
     Raises:
-        ValueError: A name is unknown, or a model, an attack or a search method cannot be created.
+        ValueError: A name is unknown, or a model or an attack cannot be created.
     """
-    selected = suite.model_copy(
-        update={
-            "models": tuple(dict.fromkeys(models)) or tuple(suite.model_names),
-            "attacks": tuple(dict.fromkeys(attacks)) or tuple(suite.attack_names),
-        }
-    )
-    check_records(selected.known)
-    _check_methods(selected)
-    for stage in selected.scenarios.values():
-        for name in selected.model_names:
-            parse_trust_model(name, stage.scenario())
-        parse_kinds(selected.attack_names, stage.scenario())
+    selected = with_models(suite, models)
+    methods = tuple(dict.fromkeys([*suite.methods, *(["search"] if search else [])]))
+    changes = {"methods": methods, "attacks": tuple(dict.fromkeys(attacks)) or suite.attacks}
+    selected = selected.model_copy(update=changes)
+    parse_kinds((*selected.attacks, *selected.usual.values()), selected.worlds.world("measured", 0))
     return selected
-
-
-def _check_methods(suite: Suite) -> None:
-    """Check that there is a search method for each method of a suite, and for each that a budget
-    names.
-    """
-    stages, tracks = (
-        [suite_part.budgets for suite_part in part.values()]
-        for part in (suite.scenarios, suite.tracks)
-    )
-    for method in dict.fromkeys((*suite.methods, *chain(*stages, *tracks))):
-        if method not in WITHOUT_SEARCH:
-            named_factory(search_methods, method)
 
 
 def play_suite(
@@ -195,8 +180,8 @@ class InProcess:
             yield cell, play_safely(suite, cell)
 
 
-def _robustness(suite: str | Path | Suite) -> Suite:
-    """Return a robustness suite. Raise an error for another type of suite."""
+def _of_models(suite: str | Path | Suite) -> Suite:
+    """Return a suite of trust models. Raise an error for another type of suite."""
     if not isinstance(suite, str | Path | SuiteSchema):
         raise ValueError(
             f"suite is {suite!r}; it must be a Suite, the name of one, or the path of a TOML file"
@@ -208,6 +193,10 @@ def _robustness(suite: str | Path | Suite) -> Suite:
             f"{loaded.name}`"
         )
     return loaded
+
+
+def _without_models(suite: Suite) -> Suite:
+    return suite.model_copy(update={"models": (), "own": ()})
 
 
 def _bar(stack: ExitStack, name: str) -> dict[str, Any]:

@@ -117,16 +117,11 @@ class AttackResult(NamedTuple):
         chosen: Scores by name in the games for choosing the worst case. Empty if nothing is chosen.
         measured: Scores by name in the games for measuring. Empty for an attack that was not
             measured, since another one of its cell is worse.
-        by_round: Mean utility over the games for measuring in each round from the second on. None
-            is undefined.
-        record: Record of the attacker that a search found, see
-            `roletrust_env.evaluation.attackers`. Empty for attacks that need no search, and for
+        by_round: Mean regret in each round over the games for measuring. None is undefined.
+        record: Record of the attacker, see `roletrust_env.evaluation.attackers`. Empty for
             attackers that cannot be recorded.
-        progress: Course of the search, see `roletrust_env.evaluation.search.Progress`.
-        treats: Whether a provider served some honest rater better than another in these games.
-        common: Utility, and that of a blind choice, in games that all seeds have in common, so that
-            the starts of a search compare. Empty for attacks without a course, and in a suite with
-            one seed.
+        progress: Course of the search: the rounds played, and the lowest mean skill so far. Empty
+            for attacks that need no search.
     """
 
     attack: str
@@ -137,8 +132,6 @@ class AttackResult(NamedTuple):
     by_round: Sequence[Number | None] = ()
     record: Annotated[str, Field(max_length=MAX_RECORD)] = ""
     progress: tuple[tuple[Amount, Number], ...] = ()
-    treats: bool = False
-    common: tuple[Numbers, ...] = ()
 
 
 class CellResult(NamedTuple):

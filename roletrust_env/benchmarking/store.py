@@ -23,7 +23,7 @@ from roletrust_env.storage.untrusted import UntrustedModel, check_file
 
 _ROUNDING = 1e-9  # of a score at the end of its range
 
-FORMAT = 5
+FORMAT = 6
 """Version of the file format."""
 
 _TABLES = """
@@ -35,7 +35,7 @@ CREATE TABLE cells (
 CREATE TABLE attacks (
     cell TEXT NOT NULL REFERENCES cells (key), attack TEXT NOT NULL, words TEXT NOT NULL, rounds INTEGER NOT NULL,
     chosen TEXT NOT NULL, measured TEXT NOT NULL, by_round TEXT NOT NULL,
-    record TEXT NOT NULL, progress TEXT NOT NULL, treats INTEGER NOT NULL, common TEXT NOT NULL,
+    record TEXT NOT NULL, progress TEXT NOT NULL,
     PRIMARY KEY (cell, attack)
 ) WITHOUT ROWID;
 """  # noqa: E501
@@ -154,14 +154,14 @@ class ResultStore:
         attacks = [
             (
                 *(cell.key, *part[:3], *map(json.dumps, part[3:6])),
-                *(part.record, json.dumps(part.progress), part.treats, json.dumps(part.common)),
+                *(part.record, json.dumps(part.progress)),
             )
             for part in result.rows
         ]
         with self._transaction() as file:
             file.execute("DELETE FROM attacks WHERE cell = ?", (cell.key,))
             file.execute(f"INSERT OR REPLACE INTO cells VALUES ({', '.join('?' * len(row))})", row)
-            file.executemany(f"INSERT INTO attacks VALUES ({', '.join('?' * 11)})", attacks)
+            file.executemany(f"INSERT INTO attacks VALUES ({', '.join('?' * 9)})", attacks)
 
     def finished_keys(self) -> set[str]:
         """Return the keys of the cells that were played without a failure."""
@@ -185,11 +185,9 @@ class ResultStore:
                 by_round,
                 record,
                 progress,
-                treats,
-                common,
             ) in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
                 values = map(json.loads, (chosen, measured, by_round))
-                row = (*plain, *values, record, json.loads(progress), treats, json.loads(common))
+                row = (*plain, *values, record, json.loads(progress))
                 attacks.setdefault(key, []).append(_ATTACK.validate_python(row))
             rows = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"

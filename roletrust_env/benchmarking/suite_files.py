@@ -3,21 +3,16 @@
 import shlex
 import tomllib
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from roletrust_env.benchmarking.closed_loop.suite import ClosedLoopSuite
-from roletrust_env.benchmarking.known_attacks import merge_attacks, read_known_attacks
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
-from roletrust_env.benchmarking.schema import SuiteSchema
 from roletrust_env.benchmarking.suite import Suite
-from roletrust_env.benchmarking.worlds import draw_worlds
 from roletrust_env.errors import suggest, validation_message
 
-AnySuite = Suite | ClosedLoopSuite | LearnersSuite
+AnySuite = Suite | LearnersSuite
 """Suite of any type that a file may have."""
 
 _WORLDS = ", worlds "
@@ -32,8 +27,7 @@ def suites() -> dict[str, str]:
 
 
 def load_suite(suite: str | Path, worlds: int | None = None) -> AnySuite:
-    """Return a suite by name, or from a TOML file. Its worlds are drawn, see
-    `roletrust_env.benchmarking.worlds`.
+    """Return a suite by name, or from a TOML file.
 
     Args:
         suite: Name of a suite, or path of a file that ends in `.toml`.
@@ -58,16 +52,7 @@ def load_suite(suite: str | Path, worlds: int | None = None) -> AnySuite:
                 f"suite {suite} has no table of worlds, so none can be drawn with another seed"
             )
         fields["name"] = f"{fields['name']}{_WORLDS}{worlds}"
-    if fields.get("kind") == "closed-loop":
-        if worlds is not None:
-            fields["worlds"] = {**fields["worlds"], "seed": worlds}
-    elif "worlds" in fields:
-        try:
-            fields["scenarios"] = draw_worlds(
-                fields.pop("worlds"), worlds, fields.get("scenarios", {})
-            )
-        except ValueError as error:
-            raise ValueError(f"suite {suite}: {error}") from None
+        fields["worlds"] = {**fields["worlds"], "seed": worlds}
     return read_suite(fields, f"suite {suite}")
 
 
@@ -83,7 +68,7 @@ def read_suite(data: Mapping[str, Any], source: str) -> AnySuite:
     """
     if not isinstance(data, Mapping):
         raise ValueError(f"{source}: a suite must be a table of fields, not {str(data)[:100]!r}")
-    kind = str(data.get("kind", "robustness"))
+    kind = str(data.get("kind", "closed-loop"))
     if kind not in _TYPES:
         raise ValueError(f"{source}: kind is {kind!r}; it must be one of {', '.join(_TYPES)}")
     try:
@@ -93,8 +78,7 @@ def read_suite(data: Mapping[str, Any], source: str) -> AnySuite:
 
 
 _TYPES: dict[str, type[AnySuite]] = {
-    "robustness": Suite,
-    "closed-loop": ClosedLoopSuite,
+    "closed-loop": Suite,
     "learners": LearnersSuite,
 }
 
@@ -108,7 +92,7 @@ def _fields(path: Path, *extending: Path) -> dict[str, Any]:
     none of its own.
 
     Args:
-        path: Path of a TOML file. Known attacks and a file that it extends lie beside it.
+        path: Path of a TOML file. A file that it extends is in the same folder.
         *extending: Files that extend this one.
 
     Raises:
@@ -122,12 +106,6 @@ def _fields(path: Path, *extending: Path) -> dict[str, Any]:
         raise ValueError(f"suite {path} is not valid TOML: {error}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"suite {path} cannot be read: {error}") from None
-    if isinstance(names := data.get("known"), str):
-        names = [names]
-    if isinstance(names, list):
-        data["known"] = merge_attacks(
-            *(read_known_attacks(path.parent / str(name)) for name in names)
-        )
     if "extends" not in data:
         return data
     base = str(data.pop("extends"))
@@ -141,7 +119,7 @@ def _fields(path: Path, *extending: Path) -> dict[str, Any]:
     return {**_fields(file, path, *extending), **data}
 
 
-def reproduction_command(suite: SuiteSchema, path: Path) -> str:
+def reproduction_command(suite: AnySuite, path: Path) -> str:
     """Return the command that plays a suite, or continues its run.
 
     Args:
@@ -150,42 +128,14 @@ def reproduction_command(suite: SuiteSchema, path: Path) -> str:
 
     Returns:
         Command for a shell. A suite that is not part of the project is given by the name of its
-        file, and known attacks by the file `known.json`.
+        file.
     """
     name, _, seed = suite.name.partition(_WORLDS)
-    drawn = ["--worlds", seed] if seed else []
-    options = ["--suite", f"{name}.toml", *drawn]
-    bundled = None
-    with suppress(ValueError):  # a suite of another file may have any name
-        bundled = load_suite(name, int(seed) if seed else None) if name in _names() else None
-    if bundled:
-        names = {
-            field: getattr(suite, field)
-            for field in ("models", "attacks", "learners")
-            if hasattr(suite, field)
-        }
-        more = (
-            isinstance(suite, Suite) and isinstance(bundled, Suite) and suite.known != bundled.known
-        )
-        if more:
-            names |= {field: getattr(suite, field) for field in ("known", "methods")}
-        if type(bundled) is type(suite) and bundled.model_copy(update=names) == suite:
-            options = [
-                "--suite",
-                name,
-                *drawn,
-                *_options(bundled, suite),
-                *(["--known", "known.json"] if more else []),
-            ]
-    return shlex.join(["roletrust", "benchmark", *options, "--out", str(path.parent)])
-
-
-def _options(bundled: SuiteSchema, suite: SuiteSchema) -> list[str]:
-    """Return the options that select the names in which a run differs from the bundled suite."""
-    selections = {"--model": "model_names", "--attack": "attack_names", "--learner": "learners"}
-    options = []
-    for option, field in selections.items():
-        names = getattr(suite, field, None)
-        if names is not None and names != getattr(bundled, field):
-            options += [part for name in names for part in (option, name)]
-    return options
+    options = ["--suite", name if name in _names() else f"{name}.toml"]
+    options += ["--worlds", seed] if seed else []
+    names = list(suite.models) if isinstance(suite, Suite) else []
+    if isinstance(suite, LearnersSuite):
+        options += [part for learner in suite.learners for part in ("--learner", learner)]
+    elif "search" in suite.methods:
+        options.append("--search")
+    return shlex.join(["roletrust", "benchmark", *names, *options, "--out", str(path.parent)])

@@ -1,4 +1,4 @@
-"""Worlds of a suite that are drawn from a distribution, which its file states in one place.
+"""Worlds that are drawn from a distribution, and their compromised agents.
 
 A table of worlds is one of a scenario with draws in place of values. `{ low = 5, high = 25 }` is a
 number between two, both included, a whole one if both are. `{ choices = [...] }` is one of several
@@ -7,64 +7,29 @@ own, by the seed, the world and the place of the draw: more worlds leave the fir
 and further draws leave the others.
 """
 
+from collections.abc import Iterator
+from functools import cache
 from random import Random
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
-from pydantic import Field, ValidationError
+import numpy as np
+from pydantic import Field, model_validator
 
-from roletrust_env.errors import validation_message
-from roletrust_env.world import Scenario
-from roletrust_env.world.group import FrozenModel
+from roletrust_env.benchmarking.schema import Label
+from roletrust_env.world import Scenario, make_scenario
+from roletrust_env.world.group import AgentGroup, FrozenModel
+from roletrust_env.world.roster import Roster
+from roletrust_env.world.scenario import Choice
 
+Use = Literal["selection", "measured"]
+"""Use of a world: to choose attacks, or to measure them."""
+
+SPREAD = 0.15
+"""Least mean of best - blind. Worlds in which choosing matters less are drawn again."""
+
+_TRIES = 100
 _DIGITS = 3  # after the point
 _MOST = 1_000_000  # of an end of a range, either way
-
-
-class _Worlds(FrozenModel):
-    """Table of worlds in a file. For the other fields see
-    `roletrust_env.benchmarking.suite.Stage`.
-    """
-
-    number: Annotated[int, Field(ge=1, le=100)]
-    seed: Annotated[int, Field(ge=0)] = 0
-    preset: Any
-    set: dict[str, Any] = Field(default_factory=dict)
-    shares: Any = None
-    methods: Any = None
-    budgets: dict[str, Any] = Field(default_factory=dict)
-
-
-def draw_worlds(tables: Any, seed: int | None = None, scenarios: Any = None) -> dict[str, Any]:
-    """Return the scenarios of a suite with those that are drawn, as plain data: `name-1`, `name-2`
-    and so on.
-
-    Python promises equal random numbers for equal text in all versions and on all machines.
-
-    Args:
-        tables: Tables of worlds by name.
-        seed: Seed that replaces those of the tables. None keeps them.
-        scenarios: Scenarios that are not drawn, by name.
-
-    Raises:
-        ValueError: A table is wrong, a draw has no values, or a world has the name of a scenario.
-    """
-    if not isinstance(tables, dict) or not isinstance(scenarios or {}, dict):
-        raise ValueError("worlds and scenarios must be tables by name")
-    worlds = dict(scenarios or {})
-    for name, data in tables.items():
-        if not isinstance(data, dict):
-            raise ValueError(f"worlds {name} is {data!r:.100}; it must be a table")
-        try:
-            table = _Worlds.model_validate(data)
-        except ValidationError as error:
-            raise ValueError(f"worlds {name}: {validation_message(error)}") from None
-        fields = table.model_dump(exclude={"number", "seed"})
-        for k in range(1, table.number + 1):
-            world = f"{name}-{k}"
-            if world in worlds:
-                raise ValueError(f"worlds {name}: there is a scenario {world!r}, too")
-            worlds[world] = draw(fields, f"{table.seed if seed is None else seed}|{world}")
-    return worlds
 
 
 def draw(value: Any, place: str) -> Any:
@@ -104,68 +69,145 @@ def draw(value: Any, place: str) -> Any:
     return {name: draw(field, f"{place}|{name}") for name, field in value.items()}
 
 
-class WorldRow(NamedTuple):
-    """World of a suite for a table. Where groups of a role differ, a field has the values of each.
-
-    Attributes:
-        scenario: Name in the suite.
-        raters: Number of raters.
-        providers: Number of providers.
-        lost: Share of ratings that are lost.
-        noise: Noise of the raters' perception.
-        bias: Bias of raters.
-        scale: Scale of raters.
-        ability: Ability of providers, with its drift and switch if it changes.
-        access: Which providers serve a rater.
-        rounds: Length of a game, the longest.
-        continuation: Probability that it goes on after a round.
+class Distribution(FrozenModel):
+    """A distribution of worlds. Tables of the form `{ low, high }` and `{ choices }` are drawn, see
+    `draw`.
     """
 
-    scenario: str
-    raters: int
-    providers: int
-    lost: float
-    noise: str
-    bias: str
-    scale: str
-    ability: str
-    access: str
-    rounds: int
-    continuation: float
+    preset: Label
+    """Name of a scenario in which raters choose providers, or path of its file."""
+    set: dict[str, Any] = Field(default_factory=dict)
+    """Changed fields of the scenario, with draws in place of values."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Random seed of the worlds. Another seed draws other worlds."""
+    selection: Annotated[int, Field(ge=1, le=1000)] = 12
+    """Number of worlds in which attacks are searched and chosen."""
+    measured: Annotated[int, Field(ge=2, le=1000)] = 30
+    """Number of worlds in which attacks are measured; none of them is one of the selection."""
 
-    @classmethod
-    def of(cls, name: str, world: Scenario) -> "WorldRow":
-        """Return the row of a scenario."""
-        raters = [group for group in world.agents if group.role != "SP"]
-        providers = [group for group in world.agents if group.role != "SR"]
-        own = {
-            field: _text(getattr(rater, field) for rater in raters)
-            for field in ("noise", "bias", "scale")
-        }
-        changes = [
-            f"{field} {_text(getattr(group, field) for group in providers)}"
-            for field in ("drift", "switch")
-            if any(getattr(group, field) for group in providers)
-        ]
-        changed = world.access.model_dump(exclude_defaults=True)
-        access = ", ".join(f"{field}={value}" for field, value in changed.items())
-        return cls(
-            name,
-            sum(group.count for group in raters),
-            sum(group.count for group in providers),
-            world.ratings.lost,
-            **own,
-            ability=", ".join([_text(group.ability for group in providers), *changes]),
-            access=f"{world.access.kind} {access}".rstrip(),
-            rounds=world.max_cycles,
-            continuation=world.continuation,
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        world = self.world("measured", 0)
+        if not isinstance(world.access, Choice):
+            raise ValueError(
+                f"preset {self.preset!r} has access {world.access.kind!r}; it must be 'choice'"
+            )
+        return self
+
+    def worlds(self, use: Use) -> tuple[Scenario, ...]:
+        """Return the worlds of a use."""
+        return _worlds(self.model_dump_json(), use)
+
+    def world(self, use: Use, number: int) -> Scenario:
+        """Return one world of a use.
+
+        Raises:
+            ValueError: A draw or a scenario is not valid, or no world has the spread `SPREAD`.
+        """
+        base = make_scenario(self.preset)
+        for attempt in range(_TRIES):
+            place = f"{self.seed}|{use}-{number}" + (f"|{attempt}" if attempt else "")
+            drawn = {name: draw(value, f"{place}|{name}") for name, value in self.set.items()}
+            world = base.change(**drawn) if drawn else base
+            if expected_spread(world) >= SPREAD:
+                return world
+        raise ValueError(
+            f"no world of preset {self.preset!r} has a mean of best - blind of {SPREAD} or more"
         )
 
 
-def _text(values: Any) -> str:
-    """Return different values, numbers or ranges, as text."""
-    texts = (
-        f"{value[0]:g} to {value[1]:g}" if isinstance(value, tuple) else f"{value:g}"
-        for value in values
-    )
-    return ", ".join(dict.fromkeys(texts))
+@cache
+def _worlds(distribution: str, use: Use) -> tuple[Scenario, ...]:
+    drawn = Distribution.model_validate_json(distribution, strict=False)
+    return tuple(drawn.world(use, k) for k in range(getattr(drawn, use)))
+
+
+def expected_spread(world: Scenario) -> float:
+    """Return the expected difference between the mean of the n largest abilities and the mean
+    ability of the providers, for n services in a round.
+
+    The k-th largest of P uniform numbers in [0, 1] has the mean 1 - k / (P + 1). Groups of
+    providers count by the mean of their ranges.
+    """
+    groups = [group for group in world.agents if group.role != "SR"]
+    ranges = np.array([np.broadcast_to(group.ability, 2) for group in groups])
+    counts = np.array([group.count for group in groups])
+    low, high = np.average(ranges, axis=0, weights=counts)
+    services = world.access.providers if isinstance(world.access, Choice) else 1
+    best = 1 - (services + 1) / 2 / (counts.sum() + 1)
+    return float((high - low) * (best - 0.5))
+
+
+class AttackedWorld(NamedTuple):
+    """A world with the names of its compromised agents."""
+
+    scenario: Scenario
+    compromised: tuple[str, ...]
+
+
+def compromise(
+    world: Scenario, roles: tuple[str, ...], share: float, reserve: int = 0
+) -> AttackedWorld:
+    """Return a world in which a share of the agents of some roles is compromised.
+
+    They are the last ones of each group of the role, so that they differ from honest agents in
+    nothing else. With identities in reserve, the share limits all identities of compromised agents
+    among all identities.
+
+    Args:
+        world: World in which all agents are honest.
+        roles: Roles of the compromised agents.
+        share: Share of them in each role.
+        reserve: Number of identities in reserve of each compromised agent.
+
+    Raises:
+        ValueError: A role has too few agents: one at least must be compromised, and one honest.
+    """
+    bad = dict[int, int]()
+    for role in roles:
+        groups = [k for k, group in enumerate(world.agents) if group.role == role]
+        counts = [world.agents[k].count for k in groups]
+        # n agents with r reserve identities each are a share x of N + r n identities if n (1 + r) =
+        # x (N + r n).
+        number = max(1, round(share * sum(counts) / (1 + reserve - share * reserve)))
+        if number >= sum(counts):
+            raise ValueError(
+                f"{number} of {sum(counts)} agents with the role {role} would be compromised; at "
+                "least one must be honest"
+            )
+        bad |= dict(zip(groups, _apportioned(number, counts), strict=True))
+    split = [part for k, group in enumerate(world.agents) for part in _split(group, bad.get(k, 0))]
+    agents = [
+        {**group.model_dump(), "reserve": reserve if compromised else group.reserve}
+        for group, compromised in split
+    ]
+    scenario = world.change(agents=agents)
+    roster = Roster.of(scenario)
+    flags = [compromised for group, compromised in split for _ in range(group.count)]
+    names = zip(_owners_by_group(roster, scenario), flags, strict=True)
+    return AttackedWorld(scenario, tuple(name for name, compromised in names if compromised))
+
+
+def _split(group: AgentGroup, bad: int) -> Iterator[tuple[AgentGroup, bool]]:
+    """Yield the honest and the compromised part of a group, each with whether it is compromised."""
+    for count, compromised in ((group.count - bad, False), (bad, True)):
+        if count:
+            yield group.model_copy(update={"count": count}), compromised
+
+
+def _apportioned(number: int, counts: list[int]) -> list[int]:
+    """Return a number in parts that are proportional to counts, by the largest remainders."""
+    quotas = number * np.array(counts) / sum(counts)
+    parts = np.floor(quotas).astype(int)
+    rest = np.argsort(-(quotas - parts), kind="stable")[: number - parts.sum()]
+    parts[rest] += 1
+    return [int(part) for part in parts]
+
+
+def _owners_by_group(roster: Roster, scenario: Scenario) -> list[str]:
+    """Return the names of the agents without identities in reserve, group by group."""
+    of_role: dict[str, list[str]] = {}
+    for name in roster.owner_names:
+        of_role.setdefault(roster.role(name), []).append(name)
+    names = {role: iter(agents) for role, agents in of_role.items()}
+    return [next(names[group.role]) for group in scenario.agents for _ in range(group.count)]

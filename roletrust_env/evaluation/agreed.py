@@ -22,6 +22,9 @@ from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions
 from roletrust_env.randomness import Random
 
+DIGITS = 6
+"""Number of decimal digits of a point in a record."""
+
 _MOST = 2
 """Number of scripted attacks that are played together at most: one by services, one by ratings."""
 
@@ -68,7 +71,7 @@ class AgreedScripts:
 
     def record(self) -> dict[str, Any]:
         """Return the kind and the fields. See `roletrust_env.evaluation.attackers.Recordable`."""
-        point = None if self.point is None else [round(x, 6) for x in self.point]
+        point = None if self.point is None else [round(x, DIGITS) for x in self.point]
         return {"kind": "agreed-scripts", "attacks": list(self.attacks), "point": point}
 
 

@@ -1,4 +1,4 @@
-"""A tiny suite, faulty models and attackers, and a run that tests can kill: `python
+"""Faulty models and attackers, and a run that tests can kill: `python
 benchmark_cases.py FILE`."""
 
 import os
@@ -8,47 +8,17 @@ import time
 from pathlib import Path
 
 import numpy as np
+from small_suites import tiny
 
 from roletrust_env import Policy
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.store import ResultStore
-from roletrust_env.benchmarking.suite import Suite
-from roletrust_env.trust import Ratings
 from roletrust_env.trust.models.central.means import Mean
-
-GROUPS = [
-    {"role": "SR", "count": 4, "noise": 0.05},
-    {"role": "SP", "count": 3, "ability": [0.3, 1.0]},
-]
-TINY = {
-    "name": "tiny",
-    "models": ["mean", "role-trust"],
-    "attacks": ["bad-mouthing", "random-rating", "on-off"],
-    "scenarios": {"market": {"preset": "market", "set": {"max_cycles": 5, "agents": GROUPS}}},
-    "tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3, 0.5]}},
-    "methods": ["scripted", "random search"],
-    "budget": 200,
-    "games": 3,
-    "limit_s": 60.0,
-}
-
-
-def tiny(**changes):
-    return Suite.model_validate({**TINY, **changes})
 
 
 def results(stored):
     """Return the results by key, without the seconds, which differ between runs."""
     return {cell.key: result._replace(seconds=0.0) for cell, result in stored}
-
-
-class FirstRaters(Mean):
-    """A mean of the first raters only, since compromised agents often are the last ones."""
-
-    def update(self, state, ratings):
-        rated = ratings.weights > 0
-        early = np.arange(len(rated)).reshape(-1, *[1] * (rated.ndim - 1)) < len(rated) // 2
-        return super().update(state, Ratings(ratings.values, rated & early))
 
 
 class _Faulty(Mean):
@@ -111,7 +81,7 @@ class BrokenRater(WildRater):
 
 def run(path):
     """Play the cells that are not stored yet, and store them."""
-    suite = tiny(seeds=[0, 1])
+    suite = tiny(methods=["scripts", "search"])
     with ResultStore(path, suite) as store:
         remaining = [cell for cell in suite.cells() if cell.key not in store.finished_keys()]
         for cell, result in LocalPool(2).play(suite, remaining):

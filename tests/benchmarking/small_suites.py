@@ -3,33 +3,45 @@
 from typing import Any
 
 from roletrust_env.benchmarking.suite import Suite
-from roletrust_env.benchmarking.suite_files import read_suite
+from roletrust_env.benchmarking.suite_files import load_suite
 
-MARKET = {
-    "preset": "market",
-    "set": {
-        "max_cycles": 12,
+
+def small(**changes: Any) -> Suite:
+    """Return the suite of the project with few small worlds and two games in each."""
+    suite = load_suite("standard")
+    assert isinstance(suite, Suite)
+    changed = {
+        "max_cycles": {"low": 8, "high": 12},
         "agents": [
-            {"role": "SR", "count": 4, "noise": 0.05},
-            {"role": "SP", "count": 3, "ability": [0.3, 1.0]},
+            {"role": "SR", "count": {"low": 6, "high": 8}, "noise": 0.1},
+            {"role": "SP", "count": {"low": 6, "high": 8}, "ability": [0.0, 1.0]},
         ],
-    },
-}
-TRACKS: dict[str, Any] = {
-    "honest": {},
-    "raters": {"roles": ["SR"], "shares": [0.25, 0.5]},
-    "providers": {"roles": ["SP"], "shares": [0.3]},
-    "identities": {"roles": ["SR", "SP"], "shares": [0.3], "reserve": 2},
-}
-
-
-def small(**fields: Any) -> Suite:
-    """Return a suite on a market of four raters and three providers."""
-    defaults = {
-        "models": ["mean", "constant"],
-        "scenarios": {"market": MARKET},
-        "tracks": TRACKS,
-        "methods": ["scripted"],
-        "games": 4,
     }
-    return read_suite(defaults | fields, "small")
+    worlds = {
+        **suite.worlds.model_dump(),
+        "selection": 2,
+        "measured": 3,
+        "set": {**suite.worlds.set, **changed},
+    }
+    fields = {
+        **suite.model_dump(),
+        "name": "small",
+        "worlds": worlds,
+        "games": 2,
+        "selection_games": 2,
+        "models": ["mean", "block"],
+        "own": ["block", "solo-threshold"],
+        "attacks": ["bad-mouthing", "rank-lies", "on-off", "milking-ring", "sybil-ring:reserve=3"],
+        "methods": ["scripts", "search"],
+        "search": {"candidates": 28, "games": 1},
+    }
+    if "models" in changes:
+        fields["own"] = ["solo-threshold"]
+    return Suite.model_validate({**fields, **changes})
+
+
+def tiny(**changes: Any) -> Suite:
+    """Return a suite of a few cells: honest play, and lies of raters."""
+    settings = {"clean": {}, "raters": {"roles": ["SR"], "share": 0.3}}
+    scripts = {"attacks": ["bad-mouthing", "random-rating"], "methods": ["scripts"]}
+    return small(**{"name": "tiny", "settings": settings, **scripts, **changes})

@@ -8,8 +8,9 @@ import time
 from pathlib import Path
 
 import pytest
-from benchmark_cases import results, tiny
+from benchmark_cases import results
 from refusals import refuses
+from small_suites import tiny
 
 from roletrust_env.benchmarking.pool import LocalPool
 
@@ -69,7 +70,11 @@ def test_two_ray_workers_give_the_results_of_one_process(cluster):
 
 def test_cells_that_hang_or_kill_their_process_do_not_affect_others(cluster):
     names = [f"benchmark_cases:{name}" for name in ("Hanging", "Dying", "Raising")]
-    suite = tiny(models=[*names, "mean"], tracks={"honest": {}}, limit_s=3.0)
+    suite = tiny(
+        models=[*names, "mean"],
+        settings={"clean": {}, "raters": {"roles": ["SR"], "share": 0.3}},
+        limit_s=3.0,
+    )
     by_model = {cell.model: result for cell, result in cluster.play(suite, suite.cells())}
     words = ("given up after 3 seconds", "died 3 times", "RuntimeError: two lines")
     for name, message in zip(names, words, strict=True):
@@ -78,7 +83,10 @@ def test_cells_that_hang_or_kill_their_process_do_not_affect_others(cluster):
 
 
 def test_closing_the_generator_stops_the_cells(cluster):
-    suite = tiny(models=["mean", "benchmark_cases:Hanging"], tracks={"honest": {}})
+    suite = tiny(
+        models=["mean", "benchmark_cases:Hanging"],
+        settings={"clean": {}, "raters": {"roles": ["SR"], "share": 0.3}},
+    )
     playing = cluster.play(suite, suite.cells())
     cell, _ = next(playing)
     assert cell.model == "mean"

@@ -5,7 +5,8 @@ import signal
 from multiprocessing.context import SpawnProcess
 
 import pytest
-from benchmark_cases import results, tiny
+from benchmark_cases import results
+from small_suites import tiny
 
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.pool import JobResult, LocalPool, WorkerPool
@@ -16,10 +17,14 @@ def test_a_cell_that_hangs_or_kills_its_process_has_a_one_line_error():
         "benchmark_cases:Hanging": "given up after 4 seconds",
         "benchmark_cases:Dying": "died 3 times",
     }
-    suite = tiny(models=[*words, "mean"], limit_s=4.0, tracks={"honest": {}})
+    suite = tiny(
+        models=[*words, "mean"],
+        limit_s=4.0,
+        settings={"clean": {}, "raters": {"roles": ["SR"], "share": 0.3}},
+    )
     played = dict(LocalPool(2).play(suite, suite.cells()))
     assert played.keys() == set(suite.cells())
-    bad = {cell: result.failed for cell, result in played.items() if cell.model != "mean"}
+    bad = {cell: result.failed for cell, result in played.items() if cell.model in words}
     assert all(words[cell.model] in failed and "\n" not in failed for cell, failed in bad.items())
     good = [cell for cell in played if cell not in bad]
     assert results((cell, played[cell]) for cell in good) == results(
@@ -31,7 +36,7 @@ def test_closing_the_generator_stops_the_cells():
     suite = tiny(models=["benchmark_cases:Hanging", "mean"], limit_s=600.0)
     playing = LocalPool(2).play(suite, [*suite.cells()[:1], *suite.cells()[-2:]])
     cell, result = next(playing)
-    assert cell.model == "mean"
+    assert cell.model != "benchmark_cases:Hanging"
     assert not result.failed
     playing.close()
 

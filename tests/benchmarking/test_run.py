@@ -1,19 +1,22 @@
 """The benchmark from Python: models as objects, files, progress, and the same numbers in every
 pool."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-from benchmark_cases import results
 from refusals import refuses
-from small_suites import small
+from small_suites import tiny
 
 from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.run import play_suite
+from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.models.central.means import Mean
 
-SUITE = small(games=2, tracks={"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}})
+SUITE = tiny()
 ATTACKS = ["bad-mouthing"]
 
 
@@ -22,30 +25,52 @@ class Mine(Mean):
 
 
 def test_an_object_a_class_and_a_name_share_a_rank() -> None:
-    leaderboard = benchmark(
+    board = benchmark(
         [Mine(), Mine, "mean", "constant"], SUITE, attacks=ATTACKS, workers=0, progress=False
     )
-    assert [(row.rank, row.model) for row in leaderboard.rows][:3] == [
-        (1, "Mine"),
-        (1, "Mine-2"),
-        (1, "mean"),
-    ]
-    assert len({tuple(map(str, row[3:])) for row in leaderboard.rows[:3]}) == 1
-    assert {row.tier for row in leaderboard.rows[:3]} == {1}
-    assert leaderboard.rows[3].rank == 4
-    assert leaderboard.rows[0].worst_attack == "bad-mouthing"
+    rows = {row.model: row for row in board.rows if row.rule == "common"}
+    same = [rows[name] for name in ("Mine", "Mine-2")]
+    assert len({(row.tier, row.rank, str(row.estimates)) for row in same}) == 1
+    # Objects get the agents in random order, and rounding then breaks ties of trust otherwise.
+    worst = [rows[name].estimates["worst"].mean for name in ("Mine", "mean")]
+    assert worst[0] == pytest.approx(worst[1], abs=0.1)
+    assert rows["constant"].rank > rows["mean"].rank
+    assert rows["mean"].worst_attack in ("honest", "bad-mouthing")
     assert "Mine" not in trust_models.names()
 
 
 def test_processes_and_this_process_give_the_same_results(tmp_path: Path) -> None:
-    suite = SUITE.model_copy(update={"methods": ("scripted", "random search"), "budget": 200})
-    here = benchmark([Mine(), "mean"], suite, attacks=ATTACKS, workers=0, progress=False)
-    there = benchmark(
-        [Mine(), "mean"], suite, attacks=ATTACKS, workers=2, progress=False, out=tmp_path
-    )
-    assert results(here.cells) == results(there.cells)
+    here = benchmark([Mine(), "mean"], SUITE, search=True, workers=0, progress=False)
+    there = benchmark([Mine(), "mean"], SUITE, search=True, workers=2, progress=False, out=tmp_path)
     assert str(here.rows) == str(there.rows)  # NaN is not equal to itself
-    assert (tmp_path / "results.sqlite").exists()
+    with ResultStore(tmp_path / "results.sqlite") as store:
+        assert {cell.method for cell, _ in store.all()} == {"honest", "scripts", "search"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("source", ["script", "stdin"])
+def test_a_script_needs_no_guard(tmp_path: Path, source: str) -> None:
+    code = (
+        "from small_suites import tiny\n"
+        "from roletrust_env.benchmarking import benchmark\n"
+        "from roletrust_env.trust.models.central.means import Mean\n"
+        "class Mine(Mean):\n"
+        '    """Mean."""\n'
+        "board = benchmark(Mine(), tiny(), workers=2, progress=False)\n"
+        "print([row.missing for row in board.rows if row.model == 'Mine'])\n"
+    )
+    (tmp_path / "script.py").write_text(code)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    words = [str(tmp_path / "script.py")] if source == "script" else ["-"]
+    done = subprocess.run(
+        [sys.executable, *words],
+        input=None if source == "script" else code,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "[0]\n", "")
 
 
 def test_a_run_continues_and_reports_the_stored_cells(
@@ -60,27 +85,15 @@ def test_a_run_continues_and_reports_the_stored_cells(
             return
             yield
 
-    play_suite(
-        first.suite, NoPool(), out=tmp_path, on_start=lambda *numbers: started.append(numbers)
-    )
-    assert started == [([], len(first.cells))]
-    benchmark(["mean"], SUITE, attacks=ATTACKS, workers=0, out=tmp_path)
+    with ResultStore(tmp_path / "results.sqlite") as store:
+        suite = store.suite
+    play_suite(suite, NoPool(), out=tmp_path, on_start=lambda *numbers: started.append(numbers))
+    assert started == [([], len(suite.cells()))]
+    again = benchmark(["mean"], SUITE, attacks=ATTACKS, workers=0, out=tmp_path)
+    assert str(again.rows) == str(first.rows)
     assert "Playing" in capsys.readouterr().err
     with refuses(ValueError, "results.sqlite", "models"):
         benchmark(["median"], SUITE, attacks=ATTACKS, workers=0, progress=False, out=tmp_path)
-
-
-def test_a_leaderboard_has_several_forms(tmp_path: Path) -> None:
-    leaderboard = benchmark("mean", SUITE, attacks=ATTACKS, workers=0, progress=False)
-    assert "mean" in repr(leaderboard)
-    assert "bad-mouthing" in repr(leaderboard)
-    assert leaderboard.to_markdown().startswith("| tier | rank | model | clean |")
-    assert leaderboard.to_markdown() in leaderboard._repr_markdown_()
-    leaderboard.to_csv(tmp_path / "board.csv")
-    assert (tmp_path / "board.csv").read_text().startswith("tier,rank,model,clean")
-    pandas = pytest.importorskip("pandas")
-    assert isinstance(leaderboard.to_pandas(), pandas.DataFrame)
-    assert leaderboard.to_pandas()["model"].tolist() == ["mean"]
 
 
 def test_invalid_arguments_are_refused() -> None:

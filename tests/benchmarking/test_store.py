@@ -5,31 +5,31 @@ import sqlite3
 from pathlib import Path
 
 import pytest
-from benchmark_cases import TINY, results, tiny
+from benchmark_cases import results
 from refusals import refuses
+from small_suites import tiny
 
 from roletrust_env.benchmarking import store as store_file
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite import Cell
-from roletrust_env.evaluation.measurement import MEASURED
+from roletrust_env.evaluation.received import RANGES
 
 SUITE = tiny()
-SCORES = {name: [0.25, None, 1.0] for name in MEASURED}
+CHOSEN = {"skill": [0.25, 0.5]}
+SCORES = {name: [0.25, None, 1.0] for name in RANGES}
 RESULT = CellResult(
     (
         AttackResult(
             "bad-mouthing",
             "at its defaults",
             0,
-            SCORES,
+            CHOSEN,
             SCORES,
             [0.5, None],
             "{}",
             ((10, 0.25), (20, 0.5)),
-            True,
-            ([0.5, None], [0.25, 0.0]),
         ),
     ),
     1.5,
@@ -153,14 +153,10 @@ def test_a_file_that_another_program_locks_is_unchanged(path):
 
 
 def test_a_run_goes_on_with_a_larger_suite(path):
-    more = {
-        "models": ["mean", "role-trust", "median"],
-        "seeds": [0, 1],
-        "methods": ["scripted", "random search", "CMA-ES"],
-    }
-    tracks = {**TINY["tracks"], "providers": {"roles": ["SP"], "shares": [0.3]}}
-    tracks["raters"] = {"roles": ["SR"], "shares": [0.3, 0.4, 0.5]}
-    larger = tiny(**more, tracks=tracks, budgets={"CMA-ES": 400})
+    settings = {**SUITE.model_dump()["settings"], "coalition": {"roles": ["SR"], "share": 0.2}}
+    larger = tiny(
+        models=["mean", "block", "median"], methods=["scripts", "search"], settings=settings
+    )
     with ResultStore(path, larger) as store:
         assert [one.result for one in store.all()] == [RESULT] * 3
         assert store.finished_keys() < {cell.key for cell in larger.cells()}
@@ -168,38 +164,26 @@ def test_a_run_goes_on_with_a_larger_suite(path):
         assert store.suite == larger
 
 
-@pytest.mark.parametrize("method", ["scripted", "random search"])
+@pytest.mark.parametrize("method", ["scripts", "search"])
 def test_a_cell_plays_the_same_in_a_larger_suite(method):
-    larger = tiny(
-        models=["mean", "median"], methods=["random search", "scripted", "CMA-ES"], seeds=[1, 0]
-    )
-    cell = Cell("mean", "market", "raters", 0.5, method, 0)
-    assert larger.rules(cell) == SUITE.rules(cell)
-    one, other = (play_cell(suite, cell) for suite in (SUITE, larger))
-    assert one._replace(seconds=0) == other._replace(seconds=0)
+    larger = tiny(models=["mean", "median"], methods=["search", "scripts"])
+    smaller = tiny(methods=[method])
+    cell = Cell("mean", "common", "raters", method)
+    assert larger.rules(cell) == smaller.rules(cell)
+    one, other = (play_cell(suite, cell) for suite in (smaller, larger))
+    assert repr(one._replace(seconds=0)) == repr(other._replace(seconds=0))
 
 
 @pytest.mark.parametrize(
     "changes",
     [
         {"games": 4},
-        {"models": ["role-trust"]},  # cells of mean were played
+        {"selection_games": 1},
+        {"models": ["block"]},  # cells of mean were played
         {"attacks": ["bad-mouthing"]},
-        {"places": "random"},
-        {"consumers": "raters"},
-        {
-            "tracks": {
-                "honest": {},
-                "raters": {"roles": ["SR"], "shares": [0.3, 0.5], "set": {"max_cycles": 4}},
-            }
-        },
-        {"tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}}},
-        {
-            "scenarios": {
-                "market": {**TINY["scenarios"]["market"], "budgets": {"random search": 300}}
-            }
-        },
-        {"budget": 300},
+        {"settings": {"clean": {}, "raters": {"roles": ["SR"], "share": 0.4}}},
+        {"worlds": {**SUITE.worlds.model_dump(), "measured": 4}},
+        {"reports": 2},
         {"limit_s": 61},
     ],
 )
@@ -250,29 +234,29 @@ def test_other_and_damaged_files_are_refused_and_unchanged(tmp_path, writing):
     "statement",
     [
         "UPDATE attacks SET measured = '[1, 2]'",
-        'UPDATE attacks SET chosen = \'{"utility": ["much"]}\'',
+        'UPDATE attacks SET chosen = \'{"skill": ["much"]}\'',
         "UPDATE attacks SET by_round = '[1e999]'",
         "UPDATE cells SET cell = '{\"ghost\": 1}'",
         "UPDATE cells SET cell = '[]'",
-        "UPDATE cells SET cell = json_set(cell, '$.seed', 'three')",
+        "UPDATE cells SET cell = json_set(cell, '$.method', 'three')",
         "UPDATE cells SET seconds = 'long'",
         "UPDATE cells SET env_steps = 'many'",
         f"UPDATE facts SET value = '{'[' * 100_000}' WHERE name = 'suite'",
         "UPDATE facts SET value = '[1]' WHERE name = 'suite'",
         "UPDATE facts SET value = '[]' WHERE name = 'sources'",
         "UPDATE attacks SET chosen = '{}'",
-        "UPDATE attacks SET measured = json_remove(measured, '$.auc')",
-        "UPDATE attacks SET measured = json_remove(measured, '$.utility[0]')",
-        "UPDATE attacks SET measured = json_set(measured, '$.utility[0]', 1e300)",
-        "UPDATE attacks SET measured = json_set(measured, '$.utility[0]', 1.7)",
-        "UPDATE attacks SET measured = json_set(measured, '$.damage[0]', -1.1)",
-        "UPDATE attacks SET chosen = json_set(chosen, '$.auc[0]', -0.1)",
-        "UPDATE attacks SET chosen = json_set(chosen, '$.blind[0]', '0.5')",
+        "UPDATE attacks SET measured = json_remove(measured, '$.brier')",
+        "UPDATE attacks SET measured = json_remove(measured, '$.regret[0]')",
+        "UPDATE attacks SET measured = json_set(measured, '$.skill[0]', 1e300)",
+        "UPDATE attacks SET measured = json_set(measured, '$.brier[0]', 1.7)",
+        "UPDATE attacks SET measured = json_set(measured, '$.regret[0]', -1.1)",
+        "UPDATE attacks SET chosen = json_set(chosen, '$.skill[0]', 2e3)",
+        "UPDATE attacks SET chosen = json_set(chosen, '$.skill[0]', '0.5')",
         "UPDATE attacks SET by_round = '[true]'",
         "UPDATE attacks SET progress = '[[1.0, 0.5]]'",
         "UPDATE attacks SET rounds = -1",
         "UPDATE cells SET seconds = -1",
-        "UPDATE cells SET cell = json_set(cell, '$.track', 'nowhere')",
+        "UPDATE cells SET cell = json_set(cell, '$.setting', 'nowhere')",
         "DELETE FROM cells WHERE key = (SELECT min(key) FROM cells)",
     ],
 )

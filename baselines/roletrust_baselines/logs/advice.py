@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.benchmarking.real_logs import kept
 from roletrust_env.metrics.confidence import Interval
 
 Measures = Mapping[tuple[str, str], Interval]
@@ -18,6 +17,7 @@ FORECAST = "rated before", "r"
 
 _NEAR = 0.05
 """Difference of what models keep under attack, below which the forecast decides."""
+_ATTACK, _GOALS = "attack", ("sink", "lift")
 
 
 class Advice(NamedTuple):
@@ -73,3 +73,35 @@ def advise(models: Mapping[str, Measures]) -> Advice | None:
     near = [name for name, value in left.items() if np.isnan(most) or value >= most - _NEAR]
     model = max(near, key=lambda name: found[name])
     return Advice(model, best, models[model][FORECAST], left[model], most)
+
+
+def kept(measures: Mapping[tuple[str, str], Interval]) -> Interval | None:
+    """Return what a trust model keeps on a log under the worst attack with each goal, the mean over
+    both goals.
+
+    With the goal `sink` it keeps the percentile of the good providers after the attack, with `lift`
+    what the newcomers lack of the top: 1 if no attack moves its targets.
+
+    Args:
+        measures: Measures of the model by protocol and name, as `roletrust rate --compare` has
+            them.
+
+    Returns:
+        The mean with its interval; None where a goal was not attacked.
+    """
+    by_goal: dict[str, list[Interval]] = {}
+    for (protocol, what), value in measures.items():
+        goal, _, accounts = what.partition(", ")
+        if protocol == _ATTACK and goal in _GOALS and accounts != "honest":
+            left = (
+                value
+                if goal == "sink"
+                else Interval(1 - value.value, 1 - value.high, 1 - value.low)
+            )
+            by_goal.setdefault(goal, []).append(left)
+    complete = len(by_goal) == len(_GOALS)
+    return (
+        Interval(*np.mean([min(attacks) for attacks in by_goal.values()], axis=0).tolist())
+        if complete
+        else None
+    )

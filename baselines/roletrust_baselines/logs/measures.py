@@ -6,11 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.advice import FORECAST, advise
+from roletrust_baselines.logs.advice import FORECAST, advise, kept
 from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.forecasts import forecasts, next_rating, rated_before, rater_forward
 from roletrust_baselines.logs.replay import Replay, replay_attacks
-from roletrust_env.benchmarking.real_logs import kept
 from roletrust_env.data.log import RatingLog
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table

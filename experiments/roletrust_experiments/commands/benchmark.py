@@ -2,7 +2,6 @@
 learner attacks best.
 """
 
-from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -11,11 +10,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from roletrust_env.benchmarking.closed_loop.board import ClosedLoopBoard
-from roletrust_env.benchmarking.closed_loop.suite import ClosedLoopSuite, with_models
-from roletrust_env.benchmarking.cost import cell_costs, estimate_cost
-from roletrust_env.benchmarking.known_attacks import check_records, read_known_attacks
-from roletrust_env.benchmarking.leaderboard import Leaderboard
+from roletrust_env.benchmarking.cost import estimate_seconds
 from roletrust_env.benchmarking.learners.learner import is_search, make_search_method, registry
 from roletrust_env.benchmarking.learners.results import (
     ALL_TASKS,
@@ -26,13 +21,11 @@ from roletrust_env.benchmarking.learners.results import (
 )
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.pool import LocalPool, Pool, cores
-from roletrust_env.benchmarking.run import play_suite, with_names
+from roletrust_env.benchmarking.run import placed, play_suite, selected_suite
 from roletrust_env.benchmarking.schema import CellResult
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import Suite, with_known
+from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite, reproduction_command
-from roletrust_env.benchmarking.verification import check_installed_names
-from roletrust_env.benchmarking.worlds import WorldRow
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy import registry as attackers
@@ -49,51 +42,46 @@ from roletrust_experiments.commands.console import (
     tell,
 )
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.leaderboard import (
-    leaderboard_markdown,
-    leaderboard_table,
-    replay_command,
-    report_command,
-)
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Workers
 from roletrust_experiments.plots.figure_files import write_figure
 
-_INSTEAD = (
-    " instead of those of the suite; repeat for more; `all` means all, of learners all of "
-    "the suite."
-)
-
 
 def benchmark(
+    model: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar=f"[{NAMED}]...",
+            help=(
+                "Trust models; `all` means those of the suite. Without one the published "
+                f"leaderboard is shown. {OWN} A program is exec:COMMAND, a service its URL."
+            ),
+        ),
+    ] = None,
     suite: Annotated[
         str,
         typer.Option(
             help=(
-                "Suite to play: quick, standard, full, marketplace, learners, learners-quick, or "
-                "the path of a .toml file."
+                "Suite to play: standard, quick (to try things), learners, learners-quick, or the "
+                "path of a .toml file."
             )
         ),
-    ] = "quick",
-    model: Annotated[
+    ] = "standard",
+    search: Annotated[
+        bool, typer.Option("--search", help="Search for attacks, too: hours instead of minutes.")
+    ] = False,
+    attack: Annotated[
         list[str] | None,
         typer.Option(
             metavar=NAMED,
-            help=f"Trust model{_INSTEAD} {OWN} A program is exec:COMMAND, a service its URL.",
-        ),
-    ] = None,
-    attack: Annotated[
-        list[str] | None, typer.Option(metavar=NAMED, help=f"Scripted attack{_INSTEAD} {OWN}")
-    ] = None,
-    known: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE.json",
-            help="Further attacks, by `roletrust submit --attacks`; repeat for more.",
+            help=f"Scripted attack instead of those of the suite; repeat for more. {OWN}",
         ),
     ] = None,
     learner: Annotated[
         list[str] | None,
-        typer.Option(metavar=NAMED, help=f"Learner{_INSTEAD} Only in a suite for learners. {OWN}"),
+        typer.Option(
+            metavar=NAMED,
+            help=f"Learner of a suite for learners; repeat for more; default: all. {OWN}",
+        ),
     ] = None,
     workers: Workers = None,
     ray: Annotated[
@@ -104,48 +92,41 @@ def benchmark(
         ),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
-    worlds: Annotated[
-        int | None, typer.Option(min=0, help="Seed of other worlds, if the suite draws some.")
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only show the worlds and estimate the time.")
-    ] = False,
+    worlds: Annotated[int | None, typer.Option(min=0, help="Random seed of other worlds.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only estimate the time.")] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Start again, and overwrite the results in --out.")
     ] = False,
     out: Out = Path("results/benchmark"),
 ) -> None:
-    r"""Attack [bold]every trust model with every attack[/], and rank the models by the worst case.
+    r"""Find out [bold]where your trust model stands[/] when some raters and providers lie.
 
-    A suite combines trust models, scenarios, tracks (the roles of the compromised agents), shares
-    of compromised agents, ways to attack and seeds; each combination is a cell. The ways to attack
-    are scripted attacks, searches over their parameters, coalitions that learn, and known attacks.
-    [bold]Utility[/] is the quality that consumers get from the most trusted provider, as a share of
-    the best quality. [bold]Skill[/] is 1 for the best choice and 0 for a blind one. A condition is
-    a scenario with a track and a share; its [bold]worst case[/] is the attack with the lowest
-    score, chosen in some games and measured in others. Models are ranked by the mean worst case
-    over all conditions.
+    Consumers choose a provider in each round by the trust of the model, receive its service, and
+    report on it. The [bold]skill score[/] is 1 if they always get the best honest provider, 0 for
+    chance. Each model is attacked in several settings (compromised roles, their share, who may
+    report). The worst attack of a setting is chosen in some worlds and measured in others. By
+    default all scripted attacks of the suite are played, in some minutes, and your model is shown
+    beside the published ones. [bold]--search[/] adds a search for attacks, which lowers the scores.
 
     A suite for [bold]learners[/] combines tasks, learners, budgets of rounds and seeds. The share
-    of a learner on a task is 0 for honest play. It is 1 for the optimum, for a proven bound, or for
-    the best attack found where neither is known. Learners are measured in games that they have not
-    seen. Written: [green]learners.csv learners.md learners.png[/].
+    of a learner on a task is 0 for honest play, and 1 for the optimum or the best known attack.
+    Written: [green]learners.csv learners.md learners.png[/].
 
     The result of each cell is saved in [green]results.sqlite[/] as soon as it is complete, so that
     an interrupted command continues when it is given again. Written at the end:
-    [green]leaderboard.csv leaderboard.md[/]; `roletrust report` makes a page of the results. If a
-    cell fails, the others count, and the exit code is 1.
+    [green]leaderboard.csv leaderboard.md worst_cases.csv[/]; `roletrust report` makes a page of the
+    results. If a cell fails, the others count, and the exit code is 1.
 
     [bold]Examples[/]
 
-    [dim]# all models, all scripts and a small search in a small market, in some minutes[/]
+    [dim]# the published leaderboard, at once[/]
     [cyan]roletrust benchmark[/]
 
-    [dim]# the time that the suite of the leaderboard takes[/]
-    [cyan]roletrust benchmark --suite standard --dry-run[/]
+    [dim]# your own model beside the published ones, in some minutes[/]
+    [cyan]roletrust benchmark mypackage.mymodel:MyModel[/]
 
-    [dim]# your own model beside two others[/]
-    [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
+    [dim]# the time that the whole leaderboard takes[/]
+    [cyan]roletrust benchmark all --search --dry-run[/]
 
     [dim]# your own learner beside PPO, in one or two minutes[/]
     [cyan]roletrust benchmark --suite learners-quick --learner mypackage.mine:MyLearner
@@ -154,22 +135,10 @@ def benchmark(
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
     if ray is not None:
         require("--ray", "ray", "ray")
-    asked = _asked(load_suite(suite, worlds), model, attack, learner, allow_code)
-    if known:
-        if not isinstance(asked, Suite):
-            raise ValueError(
-                f"--known is not for the suite {asked.name}, which is one for {asked.kind}"
-            )
-        attacks = [known_attack for file in known for known_attack in read_known_attacks(file)]
-        check_records(attacks)
-        if lacking := sum(
-            known_attack.condition not in asked.conditions for known_attack in attacks
-        ):
-            console.print(
-                f"[yellow]{lacking} known attacks are for conditions that {escape(asked.name)} "
-                "lacks.[/]"
-            )
-        asked = with_known(asked, attacks)
+    asked = _asked(load_suite(suite, worlds), model, attack, learner, search, allow_code)
+    if isinstance(asked, Suite) and not model:
+        _show(asked, [])
+        return
     if dry_run:
         _show_cost(asked, workers)
         return
@@ -189,12 +158,8 @@ def benchmark(
             raise typer.Exit(130) from None
     if isinstance(asked, LearnersSuite):
         _show_learners(asked, stored, out)
-    elif isinstance(asked, ClosedLoopSuite):
-        _show_board(asked, stored, out)
     else:
         _show(asked, stored, out)
-    if not isinstance(asked, ClosedLoopSuite):
-        tell(f"Next: {report_command(asked, out)}")
     if any(done.failed for _, done in stored):
         raise typer.Exit(1)
 
@@ -210,10 +175,10 @@ def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCel
             done, number = total - len(remaining), total
             if done:
                 progress.console.print(f"[dim]{done:,} of {number:,} cells are there already.[/]")
-            # A log goes by the number of cells, as the trials that tell their costs may take a
-            # minute.
-            alike = {cell.key: 1.0 for cell in remaining}
-            costs = alike if progress.disable else cell_costs(suite, remaining)
+            if isinstance(suite, Suite) and not progress.disable:
+                costs = estimate_seconds(suite, remaining)
+            else:
+                costs = {cell.key: 1.0 for cell in remaining}
             progress.reset(job, total=sum(costs.values()))
 
         def show(cell: Any, result: CellResult) -> None:
@@ -227,32 +192,25 @@ def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCel
         return play_suite(suite, pool, out=out, force=force, on_start=begin, on_cell=show)
 
 
-def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:
-    """Write and print the leaderboard."""
-    leaderboard = Leaderboard.of(suite, cells)
-    leaderboard.to_csv(out / "leaderboard.csv")
-    write_text(
-        out / "leaderboard.md",
-        leaderboard_markdown(leaderboard, reproduction_command(suite, out / "results.sqlite")),
-    )
-    console.print(leaderboard_table(leaderboard))
-    for line in leaderboard.caveats:
-        tell(line, "dim")
-    tell(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md")
-    if replayed := replay_command(leaderboard, out / "results.sqlite"):
-        tell(f"What the worst attack does: {replayed}")
-
-
-def _show_board(suite: ClosedLoopSuite, cells: Sequence[StoredCell], out: Path) -> None:
-    """Write and print the leaderboard of the closed loop."""
-    board = ClosedLoopBoard.of(suite, cells)
+def _show(suite: Suite, cells: Sequence[StoredCell], out: Path | None = None) -> None:
+    """Print the leaderboard with the published models, and write it to a folder."""
+    board = placed(suite, cells)
+    if not board.rows:
+        raise ValueError(f"suite {suite.name} has no published models; name those to play")
+    console.print(escape(repr(board)), soft_wrap=True)
+    if "search" not in suite.methods:
+        tell("These are scripted attacks. A search for attacks (--search) may lower the scores.")
+    elif board.convergence:
+        tell(board.convergence)
+    if out is None:
+        return
     board.to_csv(out / "leaderboard.csv")
     board.cases_to_csv(out / "worst_cases.csv")
     command = reproduction_command(suite, out / "results.sqlite")
     about = f"Suite {suite.name}, version {suite.version}. Made by `{command}`."
     write_text(out / "leaderboard.md", f"{board.to_markdown()}\n\n{about}\n\n{board.legend}")
-    console.print(escape(repr(board)), soft_wrap=True)
     tell(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md, worst_cases.csv")
+    tell(f"Next: roletrust report {out / 'results.sqlite'}")
 
 
 def _asked(
@@ -260,47 +218,43 @@ def _asked(
     model: Sequence[str] | None,
     attack: Sequence[str] | None,
     learner: Sequence[str] | None,
+    search: bool,
     allow_code: bool,
 ) -> AnySuite:
-    """Return the suite with the models, attacks or learners of the options, once all of them can be
-    made.
+    """Return the suite with the models, attacks or learners that were named, once all of them can
+    be made.
 
     Raises:
         ValueError: A name is unknown, what it names cannot be made or is not for such a suite, or a
             file names what is not installed.
     """
-    wrong = {
-        "learners": {"--model": model, "--attack": attack},
-        "closed-loop": {"--attack": attack, "--learner": learner},
-        "robustness": {"--learner": learner},
-    }[suite.kind]
-    for flag, names in wrong.items():
-        if names:
+    if isinstance(suite, LearnersSuite):
+        wrong = {"a model": model, "--attack": attack, "--search": search}
+    else:
+        wrong = {"--learner": learner}
+    for what, given in wrong.items():
+        if given:
             raise ValueError(
-                f"{flag} is not for the suite {suite.name}, which is one for {suite.kind}"
+                f"{what} is not for the suite {suite.name}, which is one for {suite.kind}"
             )
     if isinstance(suite, LearnersSuite):
         return _asked_learners(suite, learner, allow_code)
-    if isinstance(suite, ClosedLoopSuite):
-        if not allow_code:
-            check_installed(trust_models, suite.models)
-            check_installed(attackers, (*suite.attacks, *suite.usual.values()))
-        return with_models(suite, _expanded(model, trust_models.names()) or suite.models)
     if not allow_code:
-        check_installed_names(suite)
-    everything = suite.model_copy(update={"models": "all", "attacks": "all"})
-    return with_names(
-        suite, _expanded(model, everything.model_names), _expanded(attack, everything.attack_names)
-    )
+        check_installed(trust_models, suite.models)
+        check_installed(attackers, (*suite.attacks, *suite.usual.values()))
+    methods = tuple(dict.fromkeys([*suite.methods, *(["search"] if search else [])]))
+    if not model:
+        return suite.model_copy(update={"models": (), "own": (), "methods": methods})
+    return selected_suite(suite, _expanded(model, suite.models), attack or (), search=search)
 
 
-def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[str]:
-    return [part for name in names or [] for part in (everything if name == "all" else [name])]
+def _expanded(names: Sequence[str], everything: Sequence[str]) -> list[str]:
+    return [part for name in names for part in (everything if name == "all" else [name])]
 
 
 def _show_cost(suite: AnySuite, workers: int | None) -> None:
-    """Print the number of rounds, and the time of a suite for trust models; that of a learner is
-    unknown.
+    """Print the number of rounds of a suite for learners, whose time is unknown, or the time of a
+    suite for trust models.
     """
     if isinstance(suite, LearnersSuite):
         table = number_table(
@@ -316,30 +270,15 @@ def _show_cost(suite: AnySuite, workers: int | None) -> None:
             table.add_row(escape(name), f"{trials * len(suite.budgets):,}", f"{rounds:,}")
         console.print(table)
         return
-    if isinstance(suite, ClosedLoopSuite):
-        table = number_table(suite.name, "worlds: those that each cell plays", "cells", "worlds")
-        worlds = suite.worlds.selection + suite.worlds.measured
-        for (model, rule), cells in Counter(cell[:2] for cell in suite.cells()).items():
-            table.add_row(f"{escape(model)} ({rule} rule)", f"{cells:,}", f"{worlds:,}")
-        console.print(table)
-        return
-    for world_fields in suite.worlds.items():
-        name, *values = WorldRow.of(*world_fields)
-        world = ", ".join(
-            f"{field} {value}" for field, value in zip(WorldRow._fields[1:], values, strict=True)
-        )
-        console.print(f"{escape(name)}: [dim]{escape(world)}[/]", soft_wrap=True)
-    costs = estimate_cost(suite, suite.cells())
-    caption = (
-        "rounds: at the most; time: of one core, estimated from a short trial, too long on a "
-        "busy machine"
-    )
-    table = number_table(f"{suite.name}, estimated", caption, "cells", "rounds", "time")
-    for name, cost in costs.items():
-        table.add_row(name, f"{cost.cells:,}", f"{cost.env_steps:,}", in_time(cost.seconds))
-    total = sum(cost.seconds for cost in costs.values())
-    number = workers or cores()
+    cells = suite.cells()
+    seconds = estimate_seconds(suite, cells)
+    caption = "time of one core, estimated from a short trial, too long on a busy machine"
+    table = number_table(f"{suite.name}, estimated", caption, "cells", "time")
+    for model in suite.model_names:
+        keys = [cell.key for cell in cells if cell.model == model]
+        table.add_row(escape(model), f"{len(keys):,}", in_time(sum(seconds[key] for key in keys)))
     console.print(table)
+    total, number = sum(seconds.values()), workers or cores()
     console.print(
         f"In all about {in_time(total)} of one core, {in_time(total / number)} on {number}."
     )

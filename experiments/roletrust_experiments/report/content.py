@@ -4,7 +4,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from roletrust_env.benchmarking.closed_loop.suite import ClosedLoopSuite
 from roletrust_env.benchmarking.learners.results import (
     ALL_TASKS,
     HEADER,
@@ -16,6 +15,7 @@ from roletrust_env.benchmarking.learners.results import (
 )
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.store import ResultStore, StoredCell
+from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
@@ -157,7 +157,7 @@ def read(
                 "has one of each kind"
             )
         taken[suite.kind] = path
-        if isinstance(suite, ClosedLoopSuite):
+        if isinstance(suite, Suite):
             raise ValueError(f"{path} is of a suite for {suite.kind}, which has no report yet")
         if isinstance(suite, LearnersSuite):
             content = content._replace(learners=Learners.of(suite, stored, software, path))

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite
-from roletrust_env.benchmarking.closed_loop.worlds import Use
+from roletrust_env.benchmarking.suite import Cell, Suite
+from roletrust_env.benchmarking.worlds import Use
 from roletrust_env.evaluation.agreed import seat
 from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker
 from roletrust_env.evaluation.isolated import IsolatedModel
@@ -57,7 +57,7 @@ class CellPlay:
         steps: Number of game rounds that were measured so far, rounds x games.
     """
 
-    def __init__(self, suite: ClosedLoopSuite, cell: Cell, *, isolated: bool = False) -> None:
+    def __init__(self, suite: Suite, cell: Cell, *, isolated: bool = False) -> None:
         self.suite, self.cell, self.steps = suite, cell, 0
         self._isolated = isolated
         self._tasks: dict[tuple[Use, int], AttackTask] = {}

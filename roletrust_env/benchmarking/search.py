@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmarking.closed_loop.play import CellPlay
-from roletrust_env.evaluation.agreed import AgreedScripts
+from roletrust_env.benchmarking.play import CellPlay
+from roletrust_env.evaluation.agreed import DIGITS, AgreedScripts
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.metrics.score import mean_or_nan
 
@@ -23,7 +23,7 @@ _DEFAULTS = 0.25
 _SPREAD = 0.2
 """Standard deviation of the first generation of CMA-ES."""
 
-_FINALISTS = 4
+FINALISTS = 4
 """Number of the best attacks that are tried again in all games of the selection worlds. The best of
 many noisy scores is biased."""
 
@@ -65,15 +65,14 @@ def search(play: CellPlay, bases: Sequence[tuple[str, ...]], start: int) -> Foun
     for _ in range(max(1, budget // 2)):
         k = int(random.integers(len(bases)))
         default = not sizes[k] or random.random() < _DEFAULTS
-        point = None if default else tuple(random.random(sizes[k]).tolist())
-        drawn.append(AgreedScripts(bases[k], point))
+        drawn.append(AgreedScripts(bases[k], None if default else _point(random.random(sizes[k]))))
     trial.play(drawn)
     best = trial.attacks[int(np.argmin(trial.skills))]
     size = sizes[list(bases).index(best.attacks)]
     middle = np.full(size, 0.5) if best.point is None else np.array(best.point)
     if size:
         _evolve(trial, best.attacks, middle, budget, int(random.integers(1, 2**31)))
-    finalists = [trial.attacks[k] for k in np.argsort(trial.skills, kind="stable")[:_FINALISTS]]
+    finalists = [trial.attacks[k] for k in np.argsort(trial.skills, kind="stable")[:FINALISTS]]
     skills = mean_or_nan(play.measure("selection", finalists).scores["skill"], axis=0)
     attack = finalists[int(np.argmin(skills))]
     return FoundAttack(
@@ -121,5 +120,10 @@ def _evolve(trial: _Trial, base: tuple[str, ...], start: Floats, budget: int, se
     )
     while budget - len(trial.attacks) >= _POPULATION:
         generation = strategy.ask()
-        points = [tuple(point[: len(start)].tolist()) for point in generation]
+        points = [_point(point[: len(start)]) for point in generation]
         strategy.tell(generation, trial.play([AgreedScripts(base, p) for p in points]).tolist())
+
+
+def _point(values: Floats) -> tuple[float, ...]:
+    """Return a point as its record has it, so that a record plays the same attack."""
+    return tuple(round(float(x), DIGITS) for x in values)

@@ -5,53 +5,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from small_suites import small
 
-from roletrust_env.benchmarking.closed_loop.board import ClosedLoopBoard
-from roletrust_env.benchmarking.closed_loop.cells import play_cell
-from roletrust_env.benchmarking.closed_loop.play import CellPlay
-from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite
-from roletrust_env.benchmarking.closed_loop.worlds import SPREAD, compromise, expected_spread
+from roletrust_env.benchmarking.cells import play_cell
+from roletrust_env.benchmarking.leaderboard import Leaderboard
+from roletrust_env.benchmarking.play import CellPlay
 from roletrust_env.benchmarking.run import InProcess, play_suite
+from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.benchmarking.worlds import SPREAD, compromise, expected_spread
 from roletrust_env.evaluation.agreed import AgreedScripts
 from roletrust_env.evaluation.attackers import read_record, record_of
 from roletrust_env.evaluation.received import RANGES, SCORES
 from roletrust_env.world.roster import Roster
 
 
-def small_suite(**changes: object) -> ClosedLoopSuite:
-    """Return the suite of the project with few small worlds and two games in each."""
-    suite = load_suite("marketplace")
-    assert isinstance(suite, ClosedLoopSuite)
-    changed = {
-        "max_cycles": {"low": 8, "high": 12},
-        "agents": [
-            {"role": "SR", "count": {"low": 6, "high": 8}, "noise": 0.1},
-            {"role": "SP", "count": {"low": 6, "high": 8}, "ability": [0.0, 1.0]},
-        ],
-    }
-    worlds = {
-        **suite.worlds.model_dump(),
-        "selection": 2,
-        "measured": 3,
-        "set": {**suite.worlds.set, **changed},
-    }
-    fields = {
-        **suite.model_dump(),
-        "worlds": worlds,
-        "games": 2,
-        "models": ["mean", "block"],
-        "attacks": ["bad-mouthing", "rank-lies", "on-off", "milking-ring", "sybil-ring:reserve=3"],
-        "search": {"candidates": 28, "games": 1},
-    }
-    return ClosedLoopSuite.model_validate({**fields, **changes})
-
-
 def test_worlds_depend_on_seed_use_and_number_alone() -> None:
-    suite = small_suite()
-    again = small_suite()
-    more = small_suite(worlds={**suite.worlds.model_dump(), "measured": 5})
-    other = small_suite(worlds={**suite.worlds.model_dump(), "seed": 1})
+    suite = small()
+    again = small()
+    more = small(worlds={**suite.worlds.model_dump(), "measured": 5})
+    other = small(worlds={**suite.worlds.model_dump(), "seed": 1})
     worlds = suite.worlds.worlds("measured")
     assert worlds == again.worlds.worlds("measured") == more.worlds.worlds("measured")[:3]
     assert worlds != other.worlds.worlds("measured")
@@ -59,15 +32,15 @@ def test_worlds_depend_on_seed_use_and_number_alone() -> None:
 
 
 def test_worlds_of_the_suite_have_the_stated_spread() -> None:
-    suite = load_suite("marketplace")
-    assert isinstance(suite, ClosedLoopSuite)
+    suite = load_suite("standard")
+    assert isinstance(suite, Suite)
     worlds = [*suite.worlds.worlds("measured"), *suite.worlds.worlds("selection")]
     assert len(worlds) == 42
     assert min(map(expected_spread, worlds)) >= SPREAD
 
 
 def test_the_expected_spread_is_that_of_drawn_abilities() -> None:
-    world = small_suite().worlds.worlds("measured")[0]
+    world = small().worlds.worlds("measured")[0]
     world = world.change(access={**world.access.model_dump(), "providers": 2})
     providers = sum(group.count for group in world.agents if group.role == "SP")
     drawn = np.sort(np.random.default_rng(0).random((40_000, providers)), axis=1)
@@ -79,8 +52,8 @@ def test_the_expected_spread_is_that_of_drawn_abilities() -> None:
 def test_the_compromised_share_is_that_of_identities_and_spread_over_groups(
     share: float, reserve: int
 ) -> None:
-    suite = load_suite("marketplace")
-    assert isinstance(suite, ClosedLoopSuite)
+    suite = load_suite("standard")
+    assert isinstance(suite, Suite)
     for world in suite.worlds.worlds("selection"):
         attacked = compromise(world, ("SR", "SP"), share, reserve)
         roster = Roster.of(attacked.scenario)
@@ -96,13 +69,13 @@ def test_the_compromised_share_is_that_of_identities_and_spread_over_groups(
 
 
 def test_too_few_agents_are_refused() -> None:
-    world = small_suite().worlds.worlds("measured")[0]
+    world = small().worlds.worlds("measured")[0]
     with pytest.raises(ValueError, match="SP"):
         compromise(world, ("SP",), 0.99)
 
 
 def test_open_reports_and_own_rules_change_the_world() -> None:
-    suite = small_suite()
+    suite = small()
     own = suite.world(Cell("block", "own", "raters-open", "scripts"), "measured", 0).scenario
     common = suite.world(Cell("block", "common", "raters", "scripts"), "measured", 0).scenario
     assert own.access.by == "model"  # type: ignore[union-attr]
@@ -113,7 +86,7 @@ def test_open_reports_and_own_rules_change_the_world() -> None:
 
 
 def test_models_that_listen_to_nobody_are_immune_to_lies() -> None:
-    suite = small_suite()
+    suite = small()
     for setting in ("raters", "raters-open"):
         rows = play_cell(suite, Cell("own-experience", "common", setting, "scripts")).rows
         assert [row.attack for row in rows] == ["honest", "bad-mouthing", "rank-lies"]
@@ -122,7 +95,7 @@ def test_models_that_listen_to_nobody_are_immune_to_lies() -> None:
 
 
 def test_only_the_worst_attack_of_a_cell_is_measured() -> None:
-    suite = small_suite()
+    suite = small()
     for method in ("scripts", "search"):
         cell = Cell("mean", "common", "coalition", method)
         rows = play_cell(suite, cell).rows
@@ -131,7 +104,7 @@ def test_only_the_worst_attack_of_a_cell_is_measured() -> None:
 
 
 def test_a_search_spends_its_budget_and_repeats_by_its_seed() -> None:
-    suite = small_suite()
+    suite = small()
     cell = Cell("mean", "common", "coalition", "search")
     rows = play_cell(suite, cell).rows
     cycles = sum(world.max_cycles for world in suite.worlds.worlds("selection"))
@@ -149,7 +122,7 @@ def test_a_search_spends_its_budget_and_repeats_by_its_seed() -> None:
 
 
 def test_a_search_finds_a_worse_attack_than_honest_play() -> None:
-    suite = small_suite()
+    suite = small()
     honest = play_cell(suite, Cell("mean", "common", "raters-open", "scripts")).rows[0]
     found = play_cell(suite, Cell("mean", "common", "raters-open", "search")).rows
     for row in found:
@@ -158,7 +131,7 @@ def test_a_search_finds_a_worse_attack_than_honest_play() -> None:
 
 
 def test_attacks_side_by_side_play_as_alone() -> None:
-    suite = small_suite()
+    suite = small()
     play = CellPlay(suite, Cell("mean", "common", "coalition", "scripts"))
     attacks = [AgreedScripts(("rank-lies", "on-off")), AgreedScripts(("milking-ring",))]
     together = play.measure("measured", attacks).scores
@@ -169,7 +142,7 @@ def test_attacks_side_by_side_play_as_alone() -> None:
 
 
 def test_scores_lie_in_their_ranges_and_are_none_where_undefined() -> None:
-    suite = small_suite()
+    suite = small()
     clean = play_cell(suite, Cell("mean", "common", "clean", "honest")).rows[0].measured
     silent = play_cell(suite, Cell("mean", "common", "silent", "honest")).rows[0].measured
     coalition = play_cell(suite, Cell("mean", "common", "coalition", "scripts")).rows
@@ -184,10 +157,10 @@ def test_scores_lie_in_their_ranges_and_are_none_where_undefined() -> None:
 
 
 def test_the_leaderboard_takes_the_attack_that_is_worst_in_the_selection(tmp_path: Path) -> None:
-    suite = small_suite()
+    suite = small()
     stored = play_suite(suite, InProcess(), out=tmp_path)
     assert not any(result.failed for _, result in stored)
-    board = ClosedLoopBoard.of(suite, stored)
+    board = Leaderboard.of(suite, stored)
     for (model, rule, setting), case in board.worst_cases.items():
         rows = [
             row
@@ -203,7 +176,7 @@ def test_the_leaderboard_takes_the_attack_that_is_worst_in_the_selection(tmp_pat
         ranks = [row.rank for row in board.rows if row.rule == rule]
         assert ranks == sorted(ranks)
     # Finished cells are read, not played again.
-    again = ClosedLoopBoard.of(suite, play_suite(suite, InProcess(), out=tmp_path))
+    again = Leaderboard.of(suite, play_suite(suite, InProcess(), out=tmp_path))
     assert list(map(repr, again.rows)) == list(map(repr, board.rows))
 
 
@@ -229,4 +202,4 @@ def test_agreed_scripts_survive_their_record() -> None:
 )
 def test_wrong_suites_are_refused(change: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
-        small_suite(**change)
+        small(**change)
