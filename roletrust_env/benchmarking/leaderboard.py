@@ -9,7 +9,7 @@ rule and models that choose by their own rule are ranked apart. Opening results 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -206,7 +206,20 @@ class Leaderboard:
         Raises:
             OSError: The file cannot be written.
         """
-        lines = [
+        write_csv(Path(path), HEADER, self._lines())
+
+    def to_pandas(self) -> Any:
+        """Return the rows as a `pandas.DataFrame` with the columns of `HEADER`.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        from pandas import DataFrame
+
+        return DataFrame(self._lines(), columns=list(HEADER))
+
+    def _lines(self) -> list[tuple[object, ...]]:
+        return [
             (
                 *row[:4],
                 *(x for column in COLUMNS for x in row.estimates[column.name][:2]),
@@ -214,7 +227,6 @@ class Leaderboard:
             )
             for row in self.rows
         ]
-        write_csv(Path(path), HEADER, lines)
 
     def cases_to_csv(self, path: str | Path) -> None:
         """Write the worst case of each model in each setting as a CSV file.

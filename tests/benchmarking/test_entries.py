@@ -1,0 +1,154 @@
+"""Entries of the leaderboard: what they hold, published ones, and checks that find false ones."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from refusals import refuses
+from small_suites import tiny
+
+from roletrust_env.benchmarking import entries
+from roletrust_env.benchmarking.entries import (
+    Entry,
+    check_entry,
+    published_cells,
+    read_entry,
+    records_of,
+    replay_entry,
+    suite_hash,
+)
+from roletrust_env.benchmarking.leaderboard import Leaderboard
+from roletrust_env.benchmarking.pool import LocalPool
+from roletrust_env.benchmarking.run import InProcess, play_suite
+from roletrust_env.benchmarking.store import ResultStore
+
+SUITE = tiny(methods=["scripts", "search"], models=["mean"])
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A finished run."""
+    folder = tmp_path_factory.mktemp("run")
+    play_suite(SUITE, InProcess(), out=folder)
+    with ResultStore(folder / "results.sqlite") as opened:
+        yield opened
+
+
+@pytest.fixture
+def entry(store: ResultStore) -> Entry:
+    return Entry.of(store, "mean")
+
+
+def changed(entry: Entry, change: Any) -> Entry:
+    data = json.loads(entry.model_dump_json())
+    change(data)
+    return Entry.model_validate_json(json.dumps(data))
+
+
+def verdicts(entry: Entry) -> dict[str, bool]:
+    return {check.subject: check.ok for check in check_entry(entry, SUITE)}
+
+
+def test_an_entry_is_a_file_with_all_scores(
+    tmp_path: Path, store: ResultStore, entry: Entry
+) -> None:
+    path = tmp_path / "mean.json"
+    path.write_text(entry.model_dump_json())
+    assert read_entry(path) == entry
+    stored = {cell.key: result for cell, result in store.all() if cell.model == "mean"}
+    assert {cell.key for cell, _ in entry.stored()} == stored.keys()
+    for cell, result in entry.stored():
+        for one, other in zip(result.rows, stored[cell.key].rows, strict=True):
+            assert one.attack == other.attack
+            assert one.chosen["skill"] == pytest.approx(other.chosen["skill"], abs=1e-6)
+            assert one.record == other.record
+    assert all(verdicts(entry).values())
+
+
+def test_an_entry_of_an_incomplete_run_is_refused(tmp_path: Path, store: ResultStore) -> None:
+    with ResultStore(tmp_path / "results.sqlite", SUITE) as other:
+        for cell, result in store.all()[:-1]:
+            other.add(cell, result)
+        with refuses(ValueError, "solo-threshold"):
+            Entry.of(other, "solo-threshold")
+        with refuses(ValueError, "median"):
+            Entry.of(other, "median")
+
+
+def test_published_models_join_a_run_of_the_same_suite(
+    monkeypatch: pytest.MonkeyPatch, entry: Entry
+) -> None:
+    monkeypatch.setattr(entries, "_carried", lambda: (entry,))
+    mine = tiny(methods=["scripts"], models=["block"])
+    suite, cells = published_cells(mine)
+    assert suite.models == ("block", "mean")
+    assert {(cell.model, cell.method) for cell, _ in cells} == {
+        ("mean", "honest"),
+        ("mean", "scripts"),
+    }
+    board = Leaderboard.of(suite, cells)
+    assert {row.model for row in board.rows if not row.missing} == {"mean"}
+    for other in (tiny(games=3), tiny(models=["mean"]), tiny(attacks=["rank-lies"])):
+        assert published_cells(other) == (other, [])
+    # A search with another budget does not compare.
+    budget = {"candidates": 30, "games": 1}
+    longer = tiny(methods=["scripts", "search"], models=["block"], search=budget)
+    assert suite_hash(longer) == entry.suite_sha256
+    assert published_cells(longer) == (longer, [])
+
+
+def test_false_entries_are_found_without_a_game(entry: Entry) -> None:
+    def other_suite(data: Any) -> None:
+        data["suite_sha256"] = "0" * 64
+
+    def other_source(data: Any) -> None:
+        data["source"]["sha256"] = "0" * 64
+
+    def missing_cell(data: Any) -> None:
+        data["cells"].pop()
+
+    def missing_world(data: Any) -> None:
+        data["cells"][1]["attacks"][0]["chosen"]["skill"].pop()
+
+    def hidden_attack(data: Any) -> None:
+        attacks = next(c for c in data["cells"] if c["method"] == "scripts")["attacks"]
+        attacks[next(k for k, a in enumerate(attacks) if not a["measured"])]["chosen"]["skill"] = [
+            -5.0,
+            -5.0,
+        ]
+
+    for change, subject in (
+        (other_suite, "suite"),
+        (other_source, "source"),
+        (missing_cell, "completeness"),
+        (missing_world, "consistency"),
+        (hidden_attack, "consistency"),
+    ):
+        wrong = [name for name, ok in verdicts(changed(entry, change)).items() if not ok]
+        assert wrong == [subject]
+
+
+def test_replayed_cells_are_equal_and_false_scores_are_found(entry: Entry) -> None:
+    cells = [cell for cell, _ in entry.stored()]
+    pool = LocalPool(1, records=records_of(entry), keep=True)
+    assert [check.message for check in replay_entry(entry, SUITE, cells, pool)] == ["equal"] * 3
+
+    def better(data: Any) -> None:
+        for cell in data["cells"]:
+            for attack in cell["attacks"]:
+                if attack["measured"]:
+                    values = attack["measured"]["skill"]
+                    attack["measured"]["skill"] = [value + 0.1 for value in values]
+
+    false = changed(entry, better)
+    assert not any(check.ok for check in replay_entry(false, SUITE, cells, pool))
+
+
+def test_damaged_files_are_refused(tmp_path: Path, entry: Entry) -> None:
+    data = json.loads(entry.model_dump_json())
+    for name, value in (("format", 4), ("cells", 3), ("model", "a/b"), ("extra", 1)):
+        path = tmp_path / "entry.json"
+        path.write_text(json.dumps({**data, name: value}))
+        with refuses(ValueError, "entry.json", name):
+            read_entry(path)
