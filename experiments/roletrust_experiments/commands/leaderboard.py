@@ -8,6 +8,8 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
+from roletrust_env.benchmarking.closed_loop.board import ClosedLoopBoard
+from roletrust_env.benchmarking.closed_loop.suite import ClosedLoopSuite
 from roletrust_env.benchmarking.leaderboard import Leaderboard, row_texts
 from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.suite import Suite
@@ -16,6 +18,19 @@ from roletrust_env.benchmarking.verification import check_installed_names
 from roletrust_experiments.commands.console import number_table, short
 
 _SHOWN = ("clean", "worst", "holds")
+
+
+def read_board(results: Path) -> ClosedLoopBoard:
+    """Return the leaderboard of a results file.
+
+    Raises:
+        ValueError: The file cannot be read, or is not of a suite of the closed loop.
+    """
+    with ResultStore(results) as store:
+        suite, stored = store.suite, store.all()
+    if not isinstance(suite, ClosedLoopSuite):
+        raise ValueError(f"{results} is of a suite for {suite.kind}; give one for trust models")
+    return ClosedLoopBoard.of(suite, stored)
 
 
 def read_run(results: Path) -> tuple[Suite, list[StoredCell]]:
