@@ -148,7 +148,7 @@ class TrustModels(NamedTuple):
         return rows
 
     @property
-    def curves(self) -> list[tuple[str, str, str, str, list[float]]]:
+    def curves(self) -> list[tuple[str, str, Rule, str, list[float]]]:
         """Setting, model, choice rule, worst attack and mean regret in each round."""
         cases = self.board.worst_cases
         return [

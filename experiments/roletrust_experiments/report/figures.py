@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 
 from roletrust_env.benchmarking.closed_loop.board import BoardRow
 from roletrust_env.benchmarking.closed_loop.suite import RULES
-from roletrust_env.metrics.score import mean_or_nan
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.plots.learners import learners_figure
 from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST, INK, QUIET, quiet
@@ -23,7 +22,6 @@ from roletrust_experiments.report.content import Content
 
 _COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[2], ATTACKERS[1], HONEST[2], ATTACKERS[3])
 _DASHES: tuple[Any, ...] = ("-", (0, (7, 3)), (0, (2, 2)), (0, (9, 3, 2, 3)))
-_MARKS = ("o", "s", "^", "D", "v")
 _WIDTH = 10  # of a figure, inches
 _ROW, _PANEL = 0.3, 3.2  # heights of a row of the heat map, and of a panel with lines, inches
 _NARROW = 0.19  # height of a row of the leaderboard, inches: it is seen at a glance
@@ -72,9 +70,9 @@ def _figures(models: TrustModels) -> dict[str, Figure]:
 
 
 def _styles(models: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Return colour, dash and mark of each model, so that colour is never the only difference."""
+    """Return colour and dash of each model, so that colour is never the only difference."""
     return {
-        model: {"color": _COLOURS[k % 7], "linestyle": _DASHES[k % 4], "marker": _MARKS[k % 5]}
+        model: {"color": _COLOURS[k % 7], "linestyle": _DASHES[k % 4]}
         for k, model in enumerate(models)
     }
 
@@ -116,9 +114,8 @@ def _draw_board(axes: Axes, rows: Sequence[BoardRow]) -> None:
         axes.errorbar(means, places, xerr=halves, fmt=mark, color=colour, label=name, capsize=2.5)
     ends = [(row.estimates["worst"].mean, row.estimates["clean"].mean) for row in rows]
     axes.hlines(places, *zip(*ends, strict=True), color="#9CA3AF", linewidth=1, zorder=0)
-    solo = mean_or_nan(
-        np.array([row.estimates["worst"].mean - row.estimates["gain"].mean for row in rows]), 0
-    )
+    first = rows[0].estimates
+    solo = first["worst"].mean - first["gain"].mean  # the same in all rows
     axes.axvline(solo, color=QUIET, linestyle="--", linewidth=1, label="worst case of solo")
     axes.set_yticks(places, [f"{row.rank}  {row.model}" for row in rows], fontsize="small")
     for place, (above, below) in enumerate(pairwise(rows)):
@@ -164,7 +161,7 @@ def _curves(models: TrustModels) -> Figure:
         for setting, model, rule, _, regret in models.curves:
             if setting == name and (look := styles.get(shown := label(model, rule))):
                 rounds = range(1, len(regret) + 1)
-                axes.plot(rounds, regret, label=shown, **{**look, "marker": ""})
+                axes.plot(rounds, regret, label=shown, **look)
         axes.set_title(name, loc="left", color=INK)
         axes.set_xlabel("round", color=INK)
         axes.set_ylabel("regret", color=INK)

@@ -17,8 +17,8 @@ from roletrust_experiments.playing.replay import Replay
 
 
 def replayed(folder: Path, model: str, rule: str, setting: str, world: int) -> Replay:
-    case = board_of(folder / "results.sqlite").worst_cases[model, rule, setting]  # type: ignore[index]
-    cell = Cell(model, rule, setting, "scripts")  # type: ignore[arg-type]
+    case = board_of(folder / "results.sqlite").worst_cases[model, rule, setting]
+    cell = Cell(model, rule, setting, "scripts")
     return Replay.of(SUITE, cell, read_record(case.record), world)
 
 
@@ -111,7 +111,7 @@ def test_a_file_with_other_numbers_is_reported(folder: Path, tmp_path: Path) -> 
     made = printed("replay", other, *options)
     key = "mean", "common", "raters"
     for file in (other, folder / "results.sqlite"):
-        skill = board_of(file).worst_cases[key].scores["skill"][0]  # type: ignore[index]
+        skill = board_of(file).worst_cases[key].scores["skill"][0]
         assert f"{skill:.6f}" in made
 
 

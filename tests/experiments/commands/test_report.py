@@ -30,7 +30,7 @@ def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:
     cases = lines(folder, "worst_cases")
     assert len(cases) == len(board.worst_cases) == len(SUITE.entrants) * len(SUITE.settings)
     for line in cases:
-        case = board.worst_cases[line["model"], line["rule"], line["setting"]]  # type: ignore[index]
+        case = board.worst_cases[line["model"], line["rule"], line["setting"]]
         assert (line["attack"], line["method"]) == (case.attack, case.method)
         assert float(line["skill"]) == pytest.approx(case.skill, abs=1e-6)
 
@@ -43,7 +43,7 @@ def test_regimes_compare_settings_with_both_kinds_of_reports(folder: Path) -> No
     ]
     for row in rows:
         verified, open_ = (
-            board.worst_cases[row["model"], row["rule"], name].scores["skill"]  # type: ignore[index]
+            board.worst_cases[row["model"], row["rule"], name].scores["skill"]
             for name in ("raters", "raters-open")
         )
         gap = open_ - verified
@@ -71,7 +71,7 @@ def test_a_curve_is_the_regret_of_the_rounds_of_the_worst_case(folder: Path) -> 
     longest = max(world.max_cycles for world in SUITE.worlds.worlds("measured"))
     assert len(rows) == 3 * len(SUITE.entrants)
     for row in rows:
-        case = board.worst_cases[row["model"], row["rule"], row["setting"]]  # type: ignore[index]
+        case = board.worst_cases[row["model"], row["rule"], row["setting"]]
         values = [float(x) for x in row["regret"].split()]
         assert row["attack"] == case.attack
         assert len(values) == longest

@@ -89,7 +89,7 @@ def test_a_picture_has_worst_clean_and_solo_of_each_choice_rule(content: Content
         drawn = {str(line.get_label()): np.asarray(line.get_xdata()) for line in panel.lines}
         assert drawn["worst case of solo"] == pytest.approx(solo.estimates["worst"].mean)
         for part, name in zip(panel.containers, ("clean", "worst"), strict=True):
-            points, _, (bars,) = part.lines  # type: ignore[attr-defined]
+            points, _, (bars,) = part.lines
             ends = np.array([segment[:, 0] for segment in bars.get_segments()])
             for row, x, (low, high) in zip(own, points.get_xdata(), ends, strict=True):
                 mean, half, _ = row.estimates[name]
