@@ -58,14 +58,8 @@ def board(models: list[str]) -> list[Any]:
     with tempfile.TemporaryDirectory() as folder:
         result.to_csv(Path(folder) / "board.csv")
         rows = list(csv.reader((Path(folder) / "board.csv").open()))
-    cells = sorted(result.cells, key=lambda one: repr(one.cell))
-    return [
-        rows,
-        [
-            [tuple(one.cell), one.result.rows, one.result.env_steps, one.result.failed]
-            for one in cells
-        ],
-    ]
+    cases = [[*key, *case] for key, case in sorted(result.worst_cases.items())]
+    return [rows, cases]
 
 
 def zoo_names() -> list[str]:

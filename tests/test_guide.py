@@ -8,7 +8,6 @@ from pages import HOUSE, blocks, cells, run, written_file
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, load_scenario, make_scenario
-from roletrust_env.benchmarking import Suite, benchmark
 from roletrust_env.benchmarking.learners.learner import Learner, LearnerTraining
 from roletrust_env.benchmarking.learners.suite import SuiteTask
 from roletrust_env.evaluation.search import find
@@ -50,20 +49,6 @@ def test_tensors_show_the_same(games):
 def test_the_attacker_plays(extended):
     top = record(extended["fading"], extended["game"].random(seed=0)).top
     assert top[-1, 0] < 0.7 < top[-1, 1]
-
-
-def test_the_search_method_stands_in_a_suite(extended):
-    market = {"preset": "market", "set": {"max_cycles": 20}}
-    tracks = {"providers": {"roles": ["SP"], "shares": [0.3]}}
-    suite = Suite(
-        scenarios={"market": market},
-        tracks=tracks,
-        methods=["few-falls:games=2"],
-        games=2,
-        models=["mean"],
-    )
-    (row,) = benchmark(suite=suite, workers=0, progress=False).rows
-    assert (row.missing, row.worst_attack) == (0, "few-falls:games=2")
 
 
 def test_the_scenario_is_valid(tmp_path):

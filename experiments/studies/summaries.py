@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
-from roletrust_env.benchmarking.leaderboard import LeaderboardRow
+from roletrust_env.benchmarking.leaderboard import COLUMNS, BoardRow
 from roletrust_env.metrics.confidence import Estimate, Interval
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from roletrust_experiments.report.figures import leaderboard_figure
@@ -65,9 +65,7 @@ def figures(docs: Path) -> dict[str, Figure]:
     )
     costs = [row for row in rows("model-costs.csv") if row["raters"] == row["providers"] == "300"]
     return {
-        STANDARD: leaderboard_figure(
-            [_standing(row) for row in rows(f"{STANDARD}.csv")], "skill", alike=True
-        ),
+        STANDARD: leaderboard_figure([board_row(row) for row in rows(f"{STANDARD}.csv")]),
         "real": panels_figure("", [panel], "bars: 95% intervals"),
         "model-costs": times_figure(_times((f"{row['library']}, 300 x 300", row) for row in costs)),
         "edge-costs": times_figure(
@@ -78,17 +76,13 @@ def figures(docs: Path) -> dict[str, Figure]:
     }
 
 
-def _standing(row: dict[str, str]) -> LeaderboardRow:
-    """Return a row of a leaderboard, from its values as text."""
-    values: dict[str, Any] = {
-        name: _estimate(row, name)
-        if kind is Estimate
-        else int(row[name])
-        if kind in (int, int | None)
-        else row[name]
-        for name, kind in LeaderboardRow.__annotations__.items()
-    }
-    return LeaderboardRow(**{**values, "holds": float(row["holds"])})
+def board_row(row: dict[str, str]) -> BoardRow:
+    """Return a row of a leaderboard from the texts of its CSV file."""
+    values: dict[str, Any] = {name: row[name] for name in BoardRow._fields if name in row}
+    numbers = {name: int(row[name] or 0) for name in ("tier", "rank", "missing")}
+    estimates = {column.name: _estimate(row, column.name) for column in COLUMNS}
+    values |= {**numbers, "tier": numbers["tier"] or None, "estimates": estimates}
+    return BoardRow(**values)
 
 
 def _times(labelled: Iterable[tuple[str, dict[str, str]]]) -> dict[str, dict[str, Interval]]:
@@ -105,4 +99,5 @@ def _times(labelled: Iterable[tuple[str, dict[str, str]]]) -> dict[str, dict[str
 
 def _estimate(row: dict[str, str], column: str) -> Estimate:
     """Return an estimate with half its interval."""
-    return Estimate(float(row[column]), float(row[f"{column}_half_95"]))
+    mean, half = (float(row[name] or "nan") for name in (column, f"{column}_half_95"))
+    return Estimate(mean, half)

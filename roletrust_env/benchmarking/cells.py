@@ -108,8 +108,8 @@ def pairs(suite: Suite, cell: Cell, task: AttackTask) -> list[tuple[str, ...]]:
     names = playable(suite, cell, task)
     roles = {name: AgreedScripts((name,)).scripts(task).roles for name in names}
     compromised = Scripts.of(task).roles
-    alone = [(name,) for name in names if roles[name] == compromised]
-    both = [
+    alone: list[tuple[str, ...]] = [(name,) for name in names if roles[name] == compromised]
+    both: list[tuple[str, ...]] = [
         (serving, rating)
         for serving, rating in product(names, names)
         if (roles[serving], roles[rating]) == ((True, False), (False, True)) and all(compromised)

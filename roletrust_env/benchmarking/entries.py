@@ -16,7 +16,14 @@ import numpy as np
 from pydantic import Field
 
 from roletrust_env.benchmarking.pool import Pool
-from roletrust_env.benchmarking.schema import Amount, AttackResult, CellResult, Name, Number
+from roletrust_env.benchmarking.schema import (
+    Amount,
+    AnyCell,
+    AttackResult,
+    CellResult,
+    Name,
+    Number,
+)
 from roletrust_env.benchmarking.sources import Sha256, Source, Word, model_source
 from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.suite import Cell, Method, Rule, Search, Suite
@@ -315,7 +322,7 @@ def replay_entry(entry: Entry, suite: Suite, cells: Sequence[Cell], pool: Pool) 
     return checks
 
 
-def records_of(entry: Entry) -> dict[Cell, dict[str, str]]:
+def records_of(entry: Entry) -> dict[AnyCell, dict[str, str]]:
     """Return the records of the attacks of an entry by name, by cell. Scripts have none: all of the
     suite are played, so that an entry cannot leave out one.
     """

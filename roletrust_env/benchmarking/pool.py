@@ -207,7 +207,9 @@ def _apart_from_main() -> Iterator[None]:
     so a script needs no guard, and a notebook or a program from standard input works, too.
     """
     main = vars(sys.modules["__main__"])
-    known = {name: main.pop(name) for name in ("__file__", "__spec__") if name in main}
+    known: dict[str, Any] = {
+        name: main.pop(name) for name in ("__file__", "__spec__") if name in main
+    }
     main["__spec__"] = None
     try:
         yield

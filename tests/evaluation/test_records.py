@@ -35,7 +35,7 @@ class Unnamed(Policy):
 
 def test_every_script_is_the_same_after_its_record() -> None:
     needs = {"accomplices": (0, 1), "length": 50}
-    for name in load_suite("full").attack_names:
+    for name in load_suite("standard").attacks:
         policy = make_attacker(name, **registry.accepted_parameters(name, needs))
         attack = {"sr_0": policy, "sp_0": Both(policy, HONEST_POLICY)}
         again = read_record(record_of(Scripted(attack)))

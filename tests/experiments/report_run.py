@@ -1,54 +1,102 @@
-"""A small run, the report on it, and the numbers of both."""
+"""Small runs of the closed loop, the report on one, and their numbers."""
 
-import json
-import sqlite3
+from collections.abc import Sequence
 from pathlib import Path
 
 import large_run
 import numpy as np
 from command_line import run
 from csv_files import csv_rows
-from small_suites import small
 
-from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.store import ResultStore
+from roletrust_env.benchmarking.leaderboard import Leaderboard
+from roletrust_env.benchmarking.run import InProcess, play_suite
+from roletrust_env.benchmarking.schema import AttackResult, CellResult
+from roletrust_env.benchmarking.store import ResultStore, StoredCell
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.evaluation.agreed import AgreedScripts
+from roletrust_env.evaluation.attackers import record_of
+from roletrust_env.evaluation.received import SCORES
 
-SHOWN = ("heatmap", "curves", "breakdown", "tradeoff", "learners")
-SUITE = small(models=["mean", "role-trust", "constant"], description="<script>alert(1)</script>")
+SHOWN = ("leaderboard", "worst_cases", "curves", "learners")
+SETTINGS = ("clean", "raters", "raters-open", "coalition")
+
+
+def small_suite(**fields: object) -> Suite:
+    """Return the suite quick with few agents, worlds, settings and attacks, and another seed."""
+    quick = load_suite("quick")
+    assert isinstance(quick, Suite)
+    changed = {
+        "max_cycles": {"low": 8, "high": 12},
+        "agents": [
+            {"role": "SR", "count": {"low": 6, "high": 8}, "noise": 0.1},
+            {"role": "SP", "count": {"low": 6, "high": 8}, "ability": [0.0, 1.0]},
+        ],
+    }
+    worlds = {"selection": 1, "measured": 3, "seed": 4, "set": {**quick.worlds.set, **changed}}
+    fields = {
+        "name": "small",
+        "models": ["mean", "block"],
+        "games": 3,
+        "selection_games": 2,
+        "worlds": {**quick.worlds.model_dump(), **worlds},
+        "settings": {name: quick.settings[name].model_dump() for name in SETTINGS},
+        "attacks": ["bad-mouthing", "rank-lies", "on-off", "milking-ring"],
+        **fields,
+    }
+    return Suite.model_validate({**quick.model_dump(), **fields})
+
+
+SUITE = small_suite(description="<script>alert(1)</script>")
+
+
+def write_run(path: Path, suite: Suite, stored: Sequence[StoredCell]) -> Path:
+    """Write the file of a run."""
+    with ResultStore(path, suite) as store:
+        for cell, result in stored:
+            store.add(cell, result)
+    return path
+
+
+def played(suite: Suite) -> list[StoredCell]:
+    """Play a suite, and return its cells."""
+    return play_suite(suite, InProcess())
+
+
+def random_cells(suite: Suite, record: str = "") -> list[StoredCell]:
+    """Return the cells of a suite with one attack and random numbers each, in place of games."""
+    draw, worlds = np.random.default_rng(0), suite.worlds.measured
+    record = record or record_of(AgreedScripts())
+    stored = []
+    for cell in suite.cells():
+        scores = {name: draw.random(worlds).tolist() for name in SCORES}
+        chosen = {"skill": draw.random(suite.worlds.selection).tolist()}
+        rounds = draw.random(60).tolist()
+        row = AttackResult(suite.attacks[0], "words", 0, chosen, scores, rounds, record=record)
+        stored.append(StoredCell(cell, CellResult((row,), 1.0)))
+    return stored
+
+
+def board_of(path: Path) -> Leaderboard:
+    """Return the leaderboard of a file."""
+    with ResultStore(path) as store:
+        suite, stored = store.suite, store.all()
+    assert isinstance(suite, Suite)
+    return Leaderboard.of(suite, stored)
 
 
 def write_report(here: Path) -> None:
-    """Write a run of three models, one of learners whose numbers are drawn, and the report on
+    """Write a run of the small suite, one of learners whose numbers are drawn, and the report on
     both."""
-    with ResultStore(here / "results.sqlite", SUITE) as store:
-        for cell in SUITE.cells():
-            store.add(cell, play_cell(SUITE, cell))
+    write_run(here / "results.sqlite", SUITE, played(SUITE))
     with ResultStore(here / "learners.sqlite", large_run.learners()) as store:
         for trial, done in large_run.stored_trials(large_run.learners()):
             store.add(trial, done)
-    made = run(
-        "report",
-        *(str(here / f"{name}.sqlite") for name in ("results", "learners")),
-        "--out",
-        str(here / "out"),
-    )
+    files = (here / f"{name}.sqlite" for name in ("results", "learners"))
+    made = run("report", *files, "--out", here / "out")
     assert made.exit_code == 0, made.output
 
 
-def mean(
-    folder: Path, model: str, attack: str, track: str, share: float, name: str = "utility"
-) -> float:
-    """Of what was measured, read from the file of the run by itself."""
-    file = sqlite3.connect(folder / "results.sqlite")
-    ((found,),) = file.execute(
-        "SELECT measured FROM attacks JOIN cells ON attacks.cell = key WHERE cells.cell ->> "
-        "'model' = ? "
-        "AND attack = ? AND cells.cell ->> 'track' = ? AND cells.cell ->> 'share' = ?",
-        (model, attack, track, share),
-    )
-    file.close()
-    return float(np.mean([x for x in json.loads(found)[name] if x is not None]))
-
-
 def lines(folder: Path, name: str) -> list[dict[str, str]]:
+    """Return the rows of a table of a report."""
     return csv_rows(folder / "out" / f"{name}.csv")

@@ -2,28 +2,64 @@
 their pages."""
 
 import re
+from pathlib import Path
 
 import pytest
+from csv_files import csv_rows
+from report_run import random_cells
 
+from roletrust_env.benchmarking.leaderboard import Leaderboard
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite_files import load_suite
 from studies.study import DOCS
-from studies.summaries import PICTURES, STANDARD, figures
+from studies.summaries import PICTURES, STANDARD, board_row, figures
 
-pytestmark = pytest.mark.slow
-
-PARTS = {STANDARD: f"{STANDARD}.md", "real": "real/real.md"}
+PARTS = {"real": "real/real.md"}
 """Included tables."""
 
 
-def test_each_picture_shows_the_models_of_its_page() -> None:
-    found = figures(DOCS)
+@pytest.fixture(scope="module")
+def board() -> Leaderboard:
+    """A leaderboard of the suite standard with random numbers and a missing cell."""
+    suite = load_suite("standard")
+    assert isinstance(suite, Suite)
+    return Leaderboard.of(suite, random_cells(suite)[1:])
+
+
+@pytest.fixture(scope="module")
+def docs(board: Leaderboard, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder like `docs` with this leaderboard."""
+    here = tmp_path_factory.mktemp("docs")
+    for name in ("real", "model-costs.csv", "edge-costs.csv"):
+        (here / name).symlink_to(DOCS / name)
+    (here / STANDARD).parent.mkdir(parents=True)
+    board.to_csv(here / f"{STANDARD}.csv")
+    return here
+
+
+def test_rows_of_a_file_are_those_of_the_leaderboard(board: Leaderboard, docs: Path) -> None:
+    rows = [board_row(row) for row in csv_rows(docs / f"{STANDARD}.csv")]
+    for found, row in zip(rows, board.rows, strict=True):
+        assert found._replace(estimates={}) == row._replace(estimates={})
+        for name, estimate in row.estimates.items():
+            expected = pytest.approx(estimate[:2], abs=1e-6, nan_ok=True)
+            assert found.estimates[name][:2] == expected
+    assert [row.missing for row in rows].count(1) == 1
+
+
+@pytest.mark.slow
+def test_each_picture_shows_the_models_of_its_page(docs: Path, board: Leaderboard) -> None:
+    found = figures(docs)
     assert set(found) == set(PICTURES)
     for name, figure in found.items():
-        page = (DOCS / {STANDARD: "robustness.md"}.get(name, f"{name}.md")).read_text(
-            encoding="utf-8"
-        )
-        tables = page + (DOCS / PARTS[name]).read_text(encoding="utf-8") if name in PARTS else page
-        assert re.match(rf"# .*\n\n!\[[^\]]+\]\({name}\.png\)\n", page), name
-        (DOCS / f"{name}.png").stat()
+        if name == STANDARD:
+            tables = board.to_markdown()
+        else:
+            page = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+            assert re.match(rf"# .*\n\n!\[[^\]]+\]\({name}\.png\)\n", page), name
+            parts = [DOCS / PARTS[name]] if name in PARTS else []
+            tables = page + "".join(part.read_text(encoding="utf-8") for part in parts)
+            (DOCS / f"{name}.png").stat()
         names = [label.get_text().split()[-1] for label in figure.axes[0].get_yticklabels()]
         assert len(names) > 5
         assert all(model in tables for model in names), name

@@ -8,13 +8,15 @@ import typer
 from rich.markup import escape
 
 from roletrust_env.benchmarking.leaderboard import Leaderboard
-from roletrust_env.benchmarking.schema import AttackResult
-from roletrust_env.benchmarking.suite import Cell, Suite
-from roletrust_env.benchmarking.verification import check_installed_names
-from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least_mean, worst_cases
+from roletrust_env.benchmarking.suite import Cell, Rule
 from roletrust_env.errors import suggest
-from roletrust_env.metrics.confidence import estimate
+from roletrust_env.evaluation.agreed import AgreedScripts
+from roletrust_env.evaluation.attackers import Attacker, read_record
+from roletrust_env.evaluation.specs import check_installed
+from roletrust_env.game.policy import registry as attackers
+from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.files import prepare_folder
+from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands.console import (
     ALLOW_CODE,
     console,
@@ -23,10 +25,13 @@ from roletrust_experiments.commands.console import (
     tell,
 )
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.leaderboard import read_run
+from roletrust_experiments.commands.leaderboard import read_board
 from roletrust_experiments.commands.options import NAMED, Out
 from roletrust_experiments.playing.replay import Replay
 from roletrust_experiments.plots.figure_files import write_figure
+
+TOLERANCE = 1e-6
+"""Difference of skill up to which a replay agrees with the file."""
 
 
 def replay(
@@ -35,82 +40,83 @@ def replay(
     ] = Path("results/benchmark/results.sqlite"),
     model: Annotated[
         str | None,
-        typer.Option(
-            metavar=NAMED, help="Trust model whose worst case is played, the best one if left out."
-        ),
+        typer.Option(metavar=NAMED, help="Trust model; by default the first one of the table."),
     ] = None,
-    cell: Annotated[
+    rule: Annotated[Rule, typer.Option(help="Choice rule of the consumers.")] = "common",
+    setting: Annotated[
         str | None,
         typer.Option(
-            metavar="KEY",
-            help="Cell whose worst attack is played: model, scenario, track, share, method and seed, joined by |.",  # noqa: E501
+            metavar="NAME", help="Setting of the suite; by default the one with the lowest skill."
         ),
     ] = None,
-    attack: Annotated[
-        str | None,
-        typer.Option(metavar=NAMED, help="Attack of this cell, in place of the worst one."),
+    world: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Number of a measured world; by default the one with the lowest skill."
+        ),
     ] = None,
     video: Annotated[
         bool,
         typer.Option(
-            "--video", help="Also save a video of the game with the least utility, game.mp4."
+            "--video", help="Also save a video of the game with the lowest quality, game.mp4."
         ),
     ] = False,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     out: Out = Path("results/replay"),
 ) -> None:
-    """Play [bold]an attack of a benchmark[/] again, and show what it does.
+    """Play [bold]the worst attack on a trust model[/] again in one world, and show what it does.
 
-    The games are those that measured the attack, and the same ones with everybody honest. What a
-    search has found is in the file, except for networks of Stable-Baselines3 and for plans: there
-    the search runs again, with its seed and budget, and takes as long as in the benchmark.
+    The games are those that measured the attack in this world, and the same ones while all agents
+    are honest. A warning follows if the skill score differs from that of the file.
 
-    Written: [green]replay.png[/], the utility of consumers and the trust of both sides, round by
-    round; and with --video [green]game.mp4[/] and its last round, [green]game.png[/]. In the video,
-    the attacker's agents are marked.
+    Written: [green]replay.png[/], the quality that consumers receive, the share of services from
+    compromised providers, and the trust in both sides, round by round; and with --video
+    [green]game.mp4[/] and its last round, [green]game.png[/]. In the video, the compromised agents
+    are marked.
 
     [bold]Examples[/]
 
-    [dim]# the worst that happened to a trust model, with a video[/]
+    [dim]# the worst attack on a trust model, with a video[/]
     [cyan]roletrust replay results/quick/results.sqlite --model role-trust --video[/]
 
-    [dim]# one attack in one condition[/]
-    [cyan]roletrust replay results/quick/results.sqlite --cell 'beta|market|raters|0.3|scripted|0'
-    --attack rank-lies[/]
+    [dim]# in another setting, with the choice rule of the model[/]
+    [cyan]roletrust replay results/quick/results.sqlite --model block --rule own --setting raters[/]
     """
     require("a replay", "train", "scipy", "cma")  # as the benchmark whose suite it reads
     if video:
         require("--video", "video", "imageio", "imageio_ffmpeg")
-    if cell and model:
-        raise ValueError("give --cell or --model; the cell names its trust model")
-    if attack and not cell:
-        raise ValueError("--attack needs the --cell in which it was played")
-    suite, place, row = _choose(results, model, cell, attack, allow_code)
+    board = read_board(results)
+    cell, attack = _choose(board, results, model, rule, setting, allow_code)
+    case = board.worst_cases[cell[:3]]
+    skills = case.scores["skill"]
+    if world is None:
+        world = int(np.nanargmin(skills))
+    elif world >= len(skills):
+        raise ValueError(f"world must be in [0, {len(skills) - 1}], got {world}")
     prepare_folder(out)
     with console.status("Playing"):
-        replayed = Replay.of(suite, place, row.attack, row.record)
-    stored = estimate(as_array(row.measured["utility"])).mean
-    utility, honest = estimate(replayed.score), estimate(replayed.honest_score)
-    condition = f"{place.model}, {place.scenario}, {place.track} {place.share:.0%}"
-    title = f"{condition}: {row.attack}"
-    table = number_table(escape(title), escape(row.words), "attack", "everybody honest")
+        replayed = Replay.of(board.suite, cell, attack, world)
+    attacked, honest = replayed.attacked, replayed.honest
+    title = f"{cell.model} ({rule} rule), {cell.setting}, world {world}: {case.attack}"
+    table = number_table(escape(title), escape(case.words), "attack", "all agents honest")
+    table.add_row("skill score", f"{attacked.skill:.3f}", f"{honest.skill:.3f}")
+    table.add_row("skill score, mean over all worlds", f"{case.skill:.3f}", "")
     table.add_row(
-        "utility of consumers",
-        *(f"{interval.mean:.3f}±{interval.half:.3f}" for interval in (utility, honest)),
+        "quality received", *(f"{course.received.mean():.3f}" for course in (attacked, honest))
     )
     table.add_row(
-        "rounds in which the most trusted provider is the attacker's",
-        f"{replayed.believed.mean():.0%}",
-        "",
+        "services from compromised providers",
+        *(f"{mean_or_nan(course.from_attacker.ravel(), 0):.0%}" for course in (attacked, honest)),
     )
-    for side in replayed.sides:
-        table.add_row(f"trust in {side.label}", f"{np.nanmean(side.trust):.3f}", "")
+    for side, same in zip(attacked.sides, honest.sides, strict=True):
+        means = (f"{np.nanmean(course.trust):.3f}" for course in (side, same))
+        table.add_row(f"trust in {side.label}", *means)
     console.print(table)
-    if abs(utility.mean - stored) > 1e-6:
+    if not abs(attacked.skill - skills[world]) <= TOLERANCE:
         tell(
-            f"The file has a utility of {stored:.3f}: another processor or other software computes "
-            "other numbers, and "
-            "may find another attack where the file has no record of the attacker.",
+            f"The skill score in world {world} is {attacked.skill:.6f}, but the file has "
+            f"{skills[world]:.6f}. Possible causes: another version of the software, another "
+            "processor, or a changed file.",
             "yellow",
         )
     from roletrust_experiments.plots.replay import replay_figure
@@ -120,52 +126,51 @@ def replay(
     if video:
         from roletrust_experiments.plots.video import write_video_of_states
 
-        worst, task = int(np.argmin(replayed.score)), replayed.attack_found.task
+        task, game = replayed.task, int(attacked.received.mean(axis=0).argmin())
         with progress_bar() as progress:
             write_video_of_states(
-                out / "game.mp4", task.game, replayed.states(worst), task.identities, progress
+                out / "game.mp4", task.game, replayed.states(game), task.identities, progress
             )
         written += ["game.mp4", "game.png"]
     tell(f"Written to {out}: {', '.join(written)}")
 
 
 def _choose(
-    path: Path, model: str | None, key: str | None, attack: str | None, allow_code: bool
-) -> tuple[Suite, Cell, AttackResult]:
-    """Return the suite, the cell and the attack to play, with the results that the file has.
+    board: Leaderboard,
+    path: Path,
+    model: str | None,
+    rule: Rule,
+    setting: str | None,
+    allow_code: bool,
+) -> tuple[Cell, Attacker]:
+    """Return the cell of the options and its worst attack.
 
     Raises:
-        ValueError: The file is none of a robustness run, or has no such model, cell or attack.
+        ValueError: The run has no such model or setting, or a model or an attack is not installed.
     """
-    suite, stored = read_run(path)
-    if not allow_code:
-        check_installed_names(suite)
-    played = {
-        stored_cell.cell.key: stored_cell for stored_cell in stored if stored_cell.result.rows
-    }
-    if key is None:
-        board = Leaderboard.of(suite, stored)
-        names = [row.model for row in board.rows if row.worst_attack]
-        if not names:
-            raise ValueError(f"{path} holds no attack that was played")
-        model = model or names[0]
-        if model not in names:
-            raise ValueError(f"{path} has no attack on {model!r}{suggest(model, names)}")
-        cases = [case for (name, _), case in worst_cases(board.attacks).items() if name == model]
-        attacked = [case for case in cases if suite.tracks[case.condition.track].roles]
-        worst = min(attacked, key=lambda case: case.mean)
-        seeds = sorted({cell.seed for cell, _ in played.values()})
-        seed = next(
-            seed for seed, case in zip(seeds, worst.choices, strict=True) if case is worst.common
+    rows = {row.model: row for row in board.rows if row.rule == rule and row.worst_setting}
+    if not rows:
+        raise ValueError(f"{path} has no attack that was played with the {rule} rule")
+    model = model or next(iter(rows))
+    if model not in rows:
+        raise ValueError(
+            f"{path} has no attack on {model!r} with the {rule} rule{suggest(model, rows)}"
         )
-        key, attack = Cell(model, *worst.condition, worst.common.method, seed).key, worst.attack
-    if key not in played:
-        raise ValueError(f"{path} has no played cell {key!r}{suggest(key, played)}")
-    cell, result = played[key]
-    rows = {row.attack: row for row in result.rows}
-    if attack is None:
-        scores = attack_scores(suite, [played[key]])
-        attack = min(scores, key=lambda scored: least_mean(scored.chosen)).attack
-    if attack not in rows:
-        raise ValueError(f"cell {key} has no attack {attack!r}{suggest(attack, rows)}")
-    return suite, cell, rows[attack]
+    settings = [
+        name
+        for name, each in board.suite.settings.items()
+        if each.roles and (model, rule, name) in board.worst_cases
+    ]
+    setting = setting or rows[model].worst_setting
+    if setting not in settings:
+        raise ValueError(
+            f"{path} has no attack in the setting {setting!r}{suggest(setting, settings)}"
+        )
+    case = board.worst_cases[model, rule, setting]
+    attack = read_record(case.record)
+    if not allow_code:
+        check_installed(trust_models, [model])
+        if isinstance(attack, AgreedScripts):
+            check_installed(attackers, attack.attacks)
+    method = next(name for name in board.suite.methods if name == case.method)
+    return Cell(model, rule, setting, method), attack

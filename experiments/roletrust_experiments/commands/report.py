@@ -39,16 +39,14 @@ def report(
     """Write [bold]the results of a benchmark[/] as one page that opens in any browser, without a
     network.
 
-    The page has the leaderboard, which can be sorted and filtered; the utility of each model under
-    each attack, also round by round; the share of liars that breaks a model; damage against
-    detectability; the learners and their progress; and the limits of these numbers. A run may be
-    incomplete: the page shows the cells that have been played.
+    The page has the leaderboard, which can be sorted and filtered; the worst case of each model in
+    each setting; skill with verified and with open reports; regret by round; the worlds and
+    settings; and the learners and their progress. A run may be incomplete: the page shows the cells
+    that have been played.
 
     Written: [green]report.html[/], the page; a [green].csv[/] with the numbers of each figure, and
     a [green].png[/] and a [green].pdf[/] of it; [green]leaderboard.md[/], the leaderboard in
-    Markdown; [green]games.csv.gz[/], the utility of every game; and [green]conditions.csv[/], how
-    well each condition tells models apart. Of the tables, [green]worst_cases.csv[/] has a row for
-    each model and condition.
+    Markdown; and [green]regimes.csv[/], skill by the kind of reports.
 
     [bold]Examples[/]
 
@@ -63,13 +61,11 @@ def report(
     require(
         "the report", "train", "scipy", "cma", "jinja2"
     )  # to read a suite of the benchmark, and for the page
-    from roletrust_env.benchmarking.conditions import ConditionRow
     from roletrust_env.benchmarking.real_logs import read_replays
+
     from roletrust_env.errors import check_unicode
-    from roletrust_experiments.commands.leaderboard import leaderboard_markdown
     from roletrust_experiments.report.content import read
     from roletrust_experiments.report.figures import write_figures
-    from roletrust_experiments.report.games import write_games
     from roletrust_experiments.report.page import page
 
     paths = results or [Path("results/benchmark/results.sqlite")]
@@ -90,21 +86,13 @@ def report(
     command = shlex.join(
         ["roletrust", "report", *map(str, paths), *code, *linked, "--out", str(out)]
     )
-    replayed = (
-        shlex.join(["roletrust", "replay", str(robustness.path), *code])
-        if (robustness := content.robustness)
-        else ""
-    )
+    replayed, written = "", ["report.html"]
+    if models := content.models:
+        models.write(out)
+        replayed = shlex.join(["roletrust", "replay", str(models.path), *code])
+        written += ["leaderboard.md", "regimes.csv"]
     write_text(out / "report.html", page(content, pictures, command, pages.rstrip("/"), replayed))
-    written = "report.html"
-    if robustness:
-        write_text(
-            out / "leaderboard.md", leaderboard_markdown(robustness.leaderboard, robustness.command)
-        )
-        write_games(out / "games.csv.gz", robustness.leaderboard.cells)
-        write_csv(out / "conditions.csv", ConditionRow._fields, robustness.conditions)
-        written += ", leaderboard.md, games.csv.gz, conditions.csv, worst_cases.csv"
-    tell(f"Written to {out}: {written}; {', '.join(drawn)}, each as .csv, .png and .pdf")
+    tell(f"Written to {out}: {', '.join(written)}; {', '.join(drawn)}, each as .csv, .png and .pdf")
 
 
 def _flat(value: Any) -> Any:

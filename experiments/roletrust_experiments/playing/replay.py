@@ -1,5 +1,5 @@
-"""An attack of a benchmark, played once more: what it does to consumers, and whom trust
-believes.
+"""An attack of a benchmark, played again in one of its worlds: what consumers receive, and which
+agents have their trust.
 """
 
 from collections.abc import Iterator
@@ -8,34 +8,28 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmarking.cells import FoundAttack, find_attack
+from roletrust_env.benchmarking.play import CellPlay
 from roletrust_env.benchmarking.suite import Cell, Suite
-from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.measurement import (
-    HELD_OUT,
-    GameRecord,
-    attacked_rollout,
-    random_sources,
-    watch,
-)
-from roletrust_env.game.consumer import Bought, buy
+from roletrust_env.evaluation.agreed import AgreedScripts, seat
+from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.consumer import receive
+from roletrust_env.game.rollout import Round, rollout
 from roletrust_env.game.state import State, one_game
-from roletrust_env.metrics import share_of_best
 from roletrust_env.metrics.score import mean_or_nan, ratio
+from roletrust_env.world.scenario import Choice
 
 Floats = npt.NDArray[np.float64]
 
 
 class Side(NamedTuple):
-    """Trust of agents with the same role on one side; a number is the mean over the agents that are
-    present.
+    """Trust in agents with the same role on one side, the mean over those that are present.
 
     Attributes:
-        label: Who they are, such as `honest raters`.
-        attacks: Whether they belong to the attacker.
+        label: Label, such as `honest raters`.
+        attacks: Whether the agents are compromised.
         rates: Whether it is trust in raters, otherwise in providers.
-        trust: Trust of the side in each round and game, shape (T, G); NaN where nobody of it is
-            present.
+        trust: Trust in each round and game, shape (T, G); NaN where no agent is present.
     """
 
     label: str
@@ -44,112 +38,115 @@ class Side(NamedTuple):
     trust: Floats
 
 
-class Replay(NamedTuple):
-    """The games of a benchmark that measured an attack, and the same games with everybody honest.
+class Course(NamedTuple):
+    """The course of G games of a world.
 
     Attributes:
-        attack_found: The attack.
-        seed: Random seed of the games.
-        games: Number of games that chose the worst case, and of those that measure it.
-        utility: Utility of consumers in each round from the second on under the attack, shape (T -
-            1, G).
-        honest: The same with everybody honest.
-        score: Utility in each whole game under the attack, shape (G,).
-        honest_score: The same with everybody honest.
-        believed: Probability that the most trusted provider belongs to the attacker, in each round,
-            shape (T, G).
-        sides: Trust of each side.
+        skill: Skill score over all games, see `roletrust_env.evaluation.received.SCORES`.
+        received: Mean quality that honest consumers receive in each round, shape (T, G).
+        from_attacker: Share of their services that come from compromised providers, shape (T, G).
+        sides: Trust in each side: trust in raters is published, trust in providers is that of the
+            honest consumers.
     """
 
-    attack_found: FoundAttack
-    seed: int
-    games: int
-    utility: Floats
-    honest: Floats
-    score: Floats
-    honest_score: Floats
-    believed: Floats
+    skill: float
+    received: Floats
+    from_attacker: Floats
     sides: tuple[Side, ...]
 
+
+class Replay(NamedTuple):
+    """The games that measured an attack in a world, and the same games without an attack.
+
+    Attributes:
+        task: Attack task of the world.
+        attacker: The attacker.
+        seed: Random seed of the games.
+        games: Number of games.
+        attacked: Course under the attack.
+        honest: Course while all agents are honest.
+    """
+
+    task: AttackTask
+    attacker: Attacker
+    seed: tuple[int, ...]
+    games: int
+    attacked: Course
+    honest: Course
+
     @classmethod
-    def of(cls, suite: Suite, cell: Cell, attack: str, record: str = "") -> Self:
-        """Find the attack of a cell again and play the games that measured it.
+    def of(cls, suite: Suite, cell: Cell, attack: Attacker, world: int) -> Self:
+        """Play the games in which `CellPlay.measure` measures an attack.
 
         Args:
             suite: Suite of the run.
-            cell: Cell of the run.
-            attack: Name of the attack in the results of the cell.
-            record: Record of its attacker in these results, which is then not searched again.
+            cell: Cell with the trust model, the choice rule and the setting.
+            attack: Attack.
+            world: Number of the measured world.
 
         Raises:
-            ValueError: See `find_attack`.
+            ValueError: The trust model or the attack fails.
         """
-        attack_found, games = find_attack(suite, cell, attack, record), suite.games
-        attacked, honest = (
-            _measured(watch(attack_found.task, attacker, cell.seed, (rows, 2 * games)), row, games)
-            for attacker, row, rows in (
-                (attack_found.batch.attacker, attack_found.row, attack_found.rows),
-                (Scripted({}), 0, 1),
-            )
-        )
-        under, calm = attacked.bought, honest.bought
-        return cls(
-            attack_found,
-            cell.seed,
-            games,
-            ratio(under.got, under.best),
-            ratio(calm.got, calm.best),
-            share_of_best(under.got, under.best).value,
-            share_of_best(calm.got, calm.best).value,
-            _believed(attack_found, attacked.trust),
-            tuple(_sides(attack_found, attacked.trust)),
-        )
+        task = CellPlay(suite, cell).task("measured", world)
+        seed, games = (suite.worlds.seed, 1, world), suite.games  # the seed of measured worlds
+        courses = []
+        for each in (attack, AgreedScripts()):
+            ((_, attacker),) = seat(task, [each], 1)
+            courses.append(_course(task, _rounds(task, attacker, seed, games)))
+        ((_, attacker),) = seat(task, [attack], 1)
+        return cls(task, attacker, seed, games, *courses)
 
     def states(self, game: int) -> Iterator[State]:
-        """Play one of the games again and yield its states.
-
-        Args:
-            game: Index among the games that measure the attack.
-        """
-        task, batch, row = self.attack_found
-        sources = random_sources(task, self.seed, HELD_OUT)
-        for played in attacked_rollout(
-            task, batch.attacker, (self.attack_found.rows, 2 * self.games), *sources
-        ):
-            yield one_game(played.state, (row, self.games + game))
+        """Play one of the games again, and yield its states."""
+        for played in _rounds(self.task, self.attacker, self.seed, self.games):
+            yield one_game(played.state, (0, game))
 
 
-def _measured(seen: GameRecord, row: int, games: int) -> GameRecord:
-    """Return the record of the games that measure the attack in a row."""
-    own, public = (
-        Bought(*(part[:, row, games:] for part in got)) for got in (seen.bought, seen.published)
+def _rounds(
+    task: AttackTask, attacker: Attacker, seed: tuple[int, ...], games: int
+) -> Iterator[Round]:
+    """Play games with the random numbers of `measure_world`."""
+    noise, chance = (int(x) for x in np.random.SeedSequence(seed).generate_state(2))
+    sources = task.game.random(noise), task.game.random(chance)
+    return rollout(AttackedPlayers(task, attacker), *sources, (games,), rows=1)
+
+
+def _course(task: AttackTask, rounds: Iterator[Round]) -> Course:
+    game, identities, access = task.game, task.identities, task.game.scenario.access
+    assert isinstance(access, Choice)
+    names, raters, providers = (
+        game.roster.names,
+        game.roster.rater_names,
+        game.roster.provider_names,
     )
-    return GameRecord(seen.trust[:, :, row, games:], own, public, seen.treats[[row]])
-
-
-def _believed(attack: FoundAttack, trust: Floats) -> Floats:
-    """Return the probability that the most trusted provider belongs to the attacker; ties are
-    equally likely.
-    """
-    roster = attack.task.game.roster
-    providers = [place for place, name in enumerate(roster.names) if name in roster.provider_names]
-    own = np.array([roster.names[place] in attack.task.identities for place in providers])
-    top = trust[:, providers]
-    believed: Floats = buy(top, np.broadcast_to(own[:, None].astype(float), top.shape), axis=1).got
-    return believed
-
-
-def _sides(attack: FoundAttack, trust: Floats) -> Iterator[Side]:
-    roster, own = attack.task.game.roster, attack.task.identities
-    for names, rates, words in (
-        (roster.rater_names, True, ("honest raters", "raters of the attacker")),
-        (roster.provider_names, False, ("honest providers", "providers of the attacker")),
-    ):
+    consumers = [i for i, name in enumerate(raters) if name not in identities]
+    honest = [j for j, name in enumerate(providers) if name not in identities]
+    bad = [j for j, name in enumerate(providers) if name in identities]
+    received, from_bad, trust_in, gained, possible = [], [], [], 0.0, 0.0
+    for before, actions, state, _, weight in rounds:
+        offered, able = game.offered(before, actions, state), before.properties.ability
+        ability = np.ones(state.quality.shape) if able is None else able
+        part = receive(state.awaiting, offered, ability, consumers, honest, access.providers)
+        gained += weight * float((part.got - part.blind).sum())
+        possible += weight * float((part.best - part.blind).sum())
+        received.append(part.got[0])
+        mine = state.awaiting[consumers]
+        from_bad.append(ratio(mine[:, bad].sum(axis=(0, 1)), mine.sum(axis=(0, 1)))[0])
+        trust, present = np.array(game.agent_trust(state)), game.present(state)
+        known = mean_or_nan(game.known_trust(state)[consumers], axis=0)
+        trust[[names.index(name) for name in providers]] = known
+        trust_in.append((trust if present is None else np.where(present, trust, np.nan))[:, 0])
+    sides = []
+    for rates, role, members in ((True, "raters", raters), (False, "providers", providers)):
         for attacks in (False, True):
-            places = [
+            indices = [
                 k
-                for k, name in enumerate(roster.names)
-                if name in names and (name in own) == attacks
+                for k, name in enumerate(names)
+                if name in members and (name in identities) == attacks
             ]
-            if places:
-                yield Side(words[attacks], attacks, rates, mean_or_nan(trust[:, places], axis=1))
+            if indices and (game.model.rates_raters or not rates):
+                trust = mean_or_nan(np.stack(trust_in)[:, indices], axis=1)
+                label = f"{'compromised' if attacks else 'honest'} {role}"
+                sides.append(Side(label, attacks, rates, trust))
+    skill = gained / possible if possible else np.nan
+    return Course(skill, np.stack(received), np.stack(from_bad), tuple(sides))

@@ -20,7 +20,7 @@ from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_experiments.report.robustness import Robustness, Table
+from roletrust_experiments.report.board import Table, TrustModels
 
 
 class Learners(NamedTuple):
@@ -119,11 +119,11 @@ class Learners(NamedTuple):
 class Content(NamedTuple):
     """Parts of a report, at least one."""
 
-    robustness: Robustness | None = None
+    models: TrustModels | None = None
     learners: Learners | None = None
 
     @property
-    def parts(self) -> list[Robustness | Learners]:
+    def parts(self) -> list[TrustModels | Learners]:
         """Parts that are present."""
         return [part for part in self if part is not None]
 
@@ -157,14 +157,12 @@ def read(
                 "has one of each kind"
             )
         taken[suite.kind] = path
-        if isinstance(suite, Suite):
-            raise ValueError(f"{path} is of a suite for {suite.kind}, which has no report yet")
         if isinstance(suite, LearnersSuite):
             content = content._replace(learners=Learners.of(suite, stored, software, path))
-        else:
+        elif isinstance(suite, Suite):
             if not allow_code:
                 check_installed(trust_models, suite.model_names)
-            content = content._replace(
-                robustness=Robustness.of(suite, stored, software, path, real)
-            )
+            content = content._replace(models=TrustModels.of(suite, stored, software, path, real))
+        else:
+            raise ValueError(f"{path} is of a suite for {suite.kind}, which has no report")
     return content

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from roletrust_env.evaluation.specs import is_own_model
 from roletrust_env.metrics.confidence import Estimate, Interval
+from roletrust_experiments.report.board import label
 from roletrust_experiments.report.content import Content
 
 
@@ -20,7 +21,7 @@ def environment() -> Environment:
         "estimate": _estimate,
         "interval": _interval,
         "number": _number,
-        "share": _share,
+        "label": lambda row: label(row.model, row.rule),
     }
     return made
 
@@ -42,18 +43,22 @@ def page(
             no links.
         replayed: Command that plays the worst attack on the best model again.
     """
-    robustness = content.robustness
-    linked = filter(is_own_model, robustness.order) if robustness and pages else ()
+    models = content.models
+    names = [row.model for row in models.board.rows] if models and pages else []
     return (
         environment()
         .get_template("page.html")
         .render(
-            robustness=robustness,
+            models=models,
             learners=content.learners,
             sections=content.parts,
             command=command,
             replayed=replayed,
-            pages={name: f"{pages}/{name.partition(':')[0]}.html" for name in linked},
+            pages={
+                name: f"{pages}/{name.partition(':')[0]}.html"
+                for name in names
+                if is_own_model(name)
+            },
             pictures={name: b64encode(picture).decode() for name, picture in pictures.items()},
         )
     )
@@ -71,7 +76,3 @@ def _estimate(value: Estimate) -> Markup:
 def _interval(value: Interval) -> Markup:
     ends = "" if math.isnan(value.low) else f" {value.low:.2f} to {value.high:.2f}"
     return Markup('{}<span class="half">{}</span>').format(_number(value.value), ends)
-
-
-def _share(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.0%}"

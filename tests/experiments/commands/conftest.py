@@ -51,7 +51,7 @@ class _InProcess:
 
     def play(self, suite: Any, cells: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
         for cell in cells:
-            yield cell, play_safely(suite, cell, b"", self._records.get(cell, ""))
+            yield cell, play_safely(suite, cell, b"", self._records.get(cell))
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 unharmed."""
 
 import os
-import shlex
 import signal
 import sqlite3
 import subprocess
@@ -12,26 +11,26 @@ from pathlib import Path
 
 import pytest
 from children import children
-from command_line import printed, run
+from command_line import run
 from csv_files import csv_rows
 
 from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite_files import load_suite
 
 SUITE = """
+extends = "quick"
 models = ["mean"]
-attacks = ["bad-mouthing"]
-methods = ["scripted"]
-games = 3
+own = []
+attacks = ["bad-mouthing", "rank-lies"]
+games = 1
+selection_games = 1
 limit_s = 4
-[scenarios.market]
-preset = "market"
-set = { max_cycles = 5, agents = [{ role = "SR", count = 4 }, { role = "SP", count = 3, ability = [0.3, 1.0] }] }
-[tracks.honest]
-[tracks.raters]
+solo = { common = "constant", own = "constant" }
+[settings.clean]
+[settings.raters]
 roles = ["SR"]
-shares = [0.3]
-"""  # noqa: E501
+share = 0.3
+"""
 HEARS = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
 """What a shell starts in the background does not hear an interrupt."""
 CODE = "from roletrust_experiments import main; main()"
@@ -47,7 +46,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def benchmark(*options: str) -> tuple[int, list[str]]:
     """Return the exit code, and the lines that are printed."""
-    result = run("benchmark", "--suite", "tiny.toml", "--workers", "2", "--out", "out", *options)
+    words = ("--suite", "tiny.toml", "--workers", "2", "--out", "out")
+    models = [] if any(option[:1] != "-" for option in options[:1]) else ["all"]
+    result = run("benchmark", *models, *options, *words)
     return result.exit_code, result.output.splitlines()
 
 
@@ -55,23 +56,22 @@ def board(here: Path) -> dict[str, dict[str, str]]:
     return {row["model"]: row for row in csv_rows(here / "out" / "leaderboard.csv")}
 
 
-def test_a_dry_run_shows_the_worlds_of_a_seed(here: Path) -> None:
-    drawn = SUITE.replace("[scenarios.market]", "[worlds.drawn]\nnumber = 2")
-    (here / "tiny.toml").write_text(drawn.replace("count = 4", "count = { low = 2, high = 99 }"))
-    shown = [benchmark("--dry-run", *seed)[1] for seed in ((), ("--worlds", "7"))]
-    first, other = ([line for line in lines if line.startswith("drawn-")] for lines in shown)
-    assert len(first) == len(other) == 2
-    assert first != other
-    assert (
-        "providers 3, lost 0.05, noise 0, bias 0, scale 1, ability 0.3 to 1, "
-        "access choice providers=2, temperature=0.1" in first[0]
-    )
+def test_a_dry_run_writes_nothing(here: Path) -> None:
+    code, lines = benchmark("--dry-run")
+    assert code == 0
+    assert any("mean" in line for line in lines)
+    assert not (here / "out").exists()
+
+
+def test_without_a_model_nothing_is_played(here: Path) -> None:
+    result = run("benchmark", "--suite", "tiny.toml", "--out", "out")
+    assert result.exit_code == 2
+    assert "tiny" in result.output
     assert not (here / "out").exists()
 
 
 @pytest.mark.slow
 def test_models_that_misbehave_are_a_line_for_each_cell_and_harm_no_other(here: Path) -> None:
-    (here / "tiny.toml").write_text(SUITE.partition("[tracks.raters]")[0])
     assert benchmark()[0] == 0
     alone = board(here)["mean"]
     said = {
@@ -82,15 +82,15 @@ def test_models_that_misbehave_are_a_line_for_each_cell_and_harm_no_other(here: 
         "Leaving": "SystemExit: 3",
         "Dying": "died 3 times",
     }
-    models = [f"--model=benchmark_cases:{name}" for name in said]
-    code, lines = benchmark("--model=mean", *models, "--force")
+    models = [f"benchmark_cases:{name}" for name in said]
+    code, lines = benchmark("mean", *models, "--force")
     assert code == 1, lines
     for name, words in said.items():
         told = [line for line in lines if line.startswith(f"benchmark_cases:{name}|")]
-        assert len(told) == 1, (name, lines)
+        assert len(told) == 2, (name, lines)
         assert all(words in line for line in told)
-        assert board(here)[f"benchmark_cases:{name}"]["missing"] == "1"
-    assert {**board(here)["mean"], "holds": ""} == {**alone, "holds": ""}
+        assert board(here)[f"benchmark_cases:{name}"]["missing"] == "2"
+    assert board(here)["mean"]["worst"] == alone["worst"]
 
 
 def test_attackers_that_misbehave_are_told_and_the_others_count(
@@ -101,45 +101,24 @@ def test_attackers_that_misbehave_are_told_and_the_others_count(
     ]
     code, lines = benchmark("--attack=bad-mouthing", *attacks)
     assert code == 1, lines
-    (told,) = (line for line in lines if line.startswith("mean|market|raters"))
+    (told,) = (line for line in lines if line.startswith("mean|common|raters"))
     for words in (
         "attack benchmark_cases:NanRater: ",
         "attack benchmark_cases:WildRater: ",
         "ZeroDivisionError",
     ):
         assert words in told
-    assert any(line.endswith("its other 1 attacks count") for line in lines)
     assert board(here)["mean"]["missing"] == "1"
-    assert float(board(here)["mean"]["worst"]) > 0
-
-
-def test_the_lines_that_say_what_comes_next_work_as_printed(here: Path, in_process: None) -> None:
-    """Also for a class that is not installed, and a folder with a space."""
-    code, lines = benchmark("--model=benchmark_cases:FirstRaters", "--model=mean", "--out=my run")
-    assert code == 0, lines
-    assert any(
-        line.split()[2:3] == ["mean"] and line.split()[-1] == "bad-mouthing" for line in lines
-    )
-    (told,) = (
-        line.partition(": ")[2] for line in lines if line.startswith("What the worst attack does: ")
-    )
-    shown = printed(*shlex.split(told)[1:], "--out", "replay")
-    assert shown.startswith("benchmark_cases:FirstRaters, market, raters 30%: bad-mouthing")
-    (told,) = (line.partition(": ")[2] for line in lines if line.startswith("Next: "))
-    printed(*shlex.split(told)[1:])
-    assert "benchmark_cases:FirstRaters" in (here / "my run" / "report" / "report.html").read_text(
-        encoding="utf-8"
-    )
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--model", "meen"], "unknown trust model 'meen'; did you mean 'mean'?"),
+        (["meen"], "unknown trust model 'meen'; did you mean 'mean'?"),
         (["--attack", "bad-mouth"], "unknown attacker 'bad-mouth'"),
-        (["--model", "os:system:command=touch hacked"], "'os:system' must make a TrustModel"),
+        (["os:system:command=touch hacked"], "'os:system' must make a TrustModel"),
         (["--attack", "os:system:command=touch hacked"], "'os:system' must make a Policy"),
-        (["--suite", "tidy"], "unknown suite 'tidy'. Known:"),
+        (["mean", "--learner", "PPO"], "--learner"),
     ],
 )
 def test_a_name_that_nobody_has_is_refused_before_anything_happens(
@@ -193,16 +172,16 @@ def test_a_run_that_goes_on_is_left_alone_also_by_force(here: Path, in_process: 
             assert (code, len(lines)) == (2, 1)
             assert "another run writes to" in lines[0]
     with ResultStore(path) as store:
-        assert len(store.all()) == 2
+        assert len(store.all()) == 4
 
 
 @pytest.mark.slow
 def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Path) -> None:
     limit = "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
     limit += "resource.setrlimit(resource.RLIMIT_FSIZE, (33_000, resource.RLIM_INFINITY)); "
-    options = ["benchmark", "--suite", "tiny.toml", "--workers", "1", "--out", "out"]
-    text = SUITE.replace("games = 3", "games = 60").replace("[0.3]", "[0.3, 0.4, 0.5]")
-    (here / "tiny.toml").write_text(text)
+    options = ["benchmark", "all", "--suite", "tiny.toml", "--workers", "1", "--out", "out"]
+    more = (f"[settings.more-{k}]\nroles = ['SR']\nshare = 0.{k}\n" for k in range(2, 6))
+    (here / "tiny.toml").write_text(SUITE + "".join(more))
     full = subprocess.run(
         [sys.executable, "-c", limit + CODE, *options],
         env=ENVIRONMENT,
@@ -219,7 +198,7 @@ def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Pa
         there = len(store.finished_keys())
     code, lines = benchmark()
     assert code == 0, lines
-    assert not there or any(f"{there} of 4 cells are there already" in line for line in lines)
+    assert not there or any(f"{there} of 12 cells are there already" in line for line in lines)
     assert board(here)["mean"]["missing"] == "0"
 
 
@@ -228,12 +207,10 @@ def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Pa
 def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
     options = [
         "benchmark",
+        "mean",
+        "benchmark_cases:Hanging",
         "--suite",
         "tiny.toml",
-        "--model",
-        "mean",
-        "--model",
-        "benchmark_cases:Hanging",
     ]
     (here / "tiny.toml").write_text(SUITE.replace("limit_s = 4", "limit_s = 600"))
     process = subprocess.Popen(
@@ -248,7 +225,7 @@ def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
         time.sleep(0.2)
         try:
             with ResultStore(path) as store:
-                if len(store.finished_keys()) == 2:
+                if len(store.finished_keys()) == 4:
                     break
         except ValueError:
             continue

@@ -1,12 +1,10 @@
 """What a recording becomes: a scenario."""
 
 import tomllib
-from pathlib import Path
 
 import pytest
 from command_line import printed, run
 from manager_cases import TEAM, manager
-from pages import HOUSE, blocks
 from recorded_games import PERIOD, spoken
 from refusals import assert_names
 
@@ -183,26 +181,6 @@ def test_a_recording_of_too_little_is_refused_in_one_line(tmp_path, monkeypatch)
 def test_a_replay_of_nothing_leaves_nothing(tmp_path):
     printed("live", "manager", tmp_path / "journal", "--recording", tmp_path / "nowhere", code=2)
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("source", ["game", "robots"])
-def test_a_recorded_team_is_a_scenario_of_the_benchmark(
-    source, bag, tmp_path, monkeypatch, in_process
-):
-    """The suite is that of the guide; the recording of robots is that of the tutorial, of a live
-    run."""
-    recording = bag if source == "game" else HOUSE / "docs" / "tutorials" / "recording"
-    monkeypatch.chdir(tmp_path)
-    assert run("live", "scenario", str(recording), "--out", "team.toml").exit_code == 0
-    (suite,) = (
-        block
-        for block in blocks(HOUSE / "docs" / "guide" / "robots.md", "toml")
-        if "team.toml" in block
-    )
-    quick = suite.replace(', "median"', "")
-    Path("robots.toml").write_text(f"games = 2\nbudget = 500\n{quick}")
-    printed("benchmark", "--suite", "robots.toml", "--out", "out")
-    assert len(Path("out/leaderboard.csv").read_text().splitlines()) == 3
 
 
 def test_unsigned_ratings_and_pictures_of_a_team_with_keys_are_ignored(tmp_path):

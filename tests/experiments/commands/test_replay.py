@@ -1,135 +1,157 @@
 """`roletrust replay`: the games of a benchmark again, against the file of the run."""
 
 import sqlite3
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import printed
-from refusals import assert_names, refuses
-from small_suites import small
+from refusals import assert_names
+from report_run import SUITE, board_of, random_cells, small_suite, write_run
 
-from roletrust_env.benchmarking.cells import find_attack, play_cell
-from roletrust_env.benchmarking.leaderboard import Leaderboard
-from roletrust_env.benchmarking.store import ResultStore
-from roletrust_env.evaluation.measurement import watch
+from roletrust_env.benchmarking.suite import Cell
+from roletrust_env.evaluation.agreed import AgreedScripts
+from roletrust_env.evaluation.attackers import read_record, record_of
 from roletrust_experiments.playing.replay import Replay
 
-SUITE = small(
-    models=["mean", "role-trust"],
-    attacks=["bad-mouthing", "random-rating", "on-off", "sybil"],
-    methods=["scripted", "random search"],
-    budget=3000,
-    seeds=[3],
-)
-PROVIDERS = {"providers": {"roles": ["SP"], "shares": [0.3]}}
+
+def replayed(folder: Path, model: str, rule: str, setting: str, world: int) -> Replay:
+    case = board_of(folder / "results.sqlite").worst_cases[model, rule, setting]
+    cell = Cell(model, rule, setting, "scripts")
+    return Replay.of(SUITE, cell, read_record(case.record), world)
 
 
-@pytest.fixture(scope="module")
-def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("replay") / "results.sqlite"
-    with ResultStore(path, SUITE) as store:
-        for cell in SUITE.cells():
-            store.add(cell, play_cell(SUITE, cell))
-    return path
+def test_every_worst_case_has_the_scores_of_the_file_again(folder: Path) -> None:
+    cases = board_of(folder / "results.sqlite").worst_cases
+    attacked = {key: case for key, case in cases.items() if SUITE.settings[key[2]].roles}
+    assert len(attacked) == 18
+    for (model, rule, setting), case in attacked.items():
+        for world in range(3):
+            found = replayed(folder, model, rule, setting, world)
+            assert found.attacked.skill == pytest.approx(case.scores["skill"][world], abs=1e-9)
+            # one service for each consumer in each round, so that all rounds count alike
+            share = case.scores["attacker_share"][world]
+            assert np.nan_to_num(found.attacked.from_attacker.mean()) == pytest.approx(
+                np.nan_to_num(share)
+            )
 
 
-def test_every_attack_has_the_utility_of_the_file_again(file: Path) -> None:
-    with ResultStore(file) as store:
-        stored = store.all()
-    played = 0
-    for cell, result in stored:
-        for row in result.rows if cell.track != "honest" else ():
-            assert bool(row.record) == (cell.method != "scripted")
-            for record in {"", row.record}:  # searched again, and as recorded
-                found = Replay.of(SUITE, cell, row.attack, record)
-                assert found.score == pytest.approx(
-                    np.array(row.measured["utility"], float), nan_ok=True
-                )
-                played += 1
-    assert played > 6
+def test_honest_games_are_those_of_honest_play(folder: Path) -> None:
+    found = replayed(folder, "mean", "common", "raters", 1)
+    cell = Cell("mean", "common", "raters", "scripts")
+    honest = Replay.of(SUITE, cell, AgreedScripts(), 1)
+    assert found.honest.skill == honest.attacked.skill == honest.honest.skill
+    assert found.honest.received == pytest.approx(honest.attacked.received)
+    assert found.attacked.skill < found.honest.skill
 
 
-def test_the_states_are_those_of_the_game_that_was_measured() -> None:
-    cell = next(
-        cell
-        for cell in SUITE.cells()
-        if cell.method == "random search" and cell.model == "role-trust"
-    )
-    found = Replay.of(SUITE, cell, "random search")
-    whole = watch(
-        found.attack_found.task, found.attack_found.batch.attacker, cell.seed, (1, 2 * SUITE.games)
-    )
-    for game in (0, SUITE.games - 1):
-        *_, last = found.states(game)
-        trust = found.attack_found.task.game.agent_trust(last)
-        assert trust == pytest.approx(whole.trust[-1, :, 0, SUITE.games + game])
+def test_the_states_are_those_of_the_game_that_was_measured(folder: Path) -> None:
+    found = replayed(folder, "block", "common", "coalition", 0)
+    game, identities = found.task.game, found.task.identities
+    honest = [name for name in game.roster.rater_names if name not in identities]
+    places = [game.roster.names.index(name) for name in honest]
+    (side,) = [side for side in found.attacked.sides if side.label == "honest raters"]
+    for number in range(SUITE.games):
+        *_, last = found.states(number)
+        trust = np.asarray(game.agent_trust(last))[places]
+        assert side.trust[-1, number] == pytest.approx(trust.mean())
 
 
-def test_believed_is_the_share_of_rounds_in_which_an_accomplice_is_on_top() -> None:
-    suite = small(models=["constant"], attacks=["on-off"], methods=["scripted"], tracks=PROVIDERS)
-    (cell,) = suite.cells()
-    found = Replay.of(suite, cell, "on-off")
-    roster = found.attack_found.task.game.roster
-    mine = sum(name in found.attack_found.task.identities for name in roster.provider_names)
-    assert found.believed == pytest.approx(mine / roster.n_providers)  # all are trusted alike
-    assert [side.label for side in found.sides] == [
-        "honest raters",
-        "honest providers",
-        "providers of the attacker",
-    ]
+def test_sides_are_those_of_the_setting_and_the_trust_model(folder: Path) -> None:
+    def sides(model: str, setting: str) -> list[tuple[bool, bool]]:
+        found = replayed(folder, model, "common", setting, 0)
+        return [(side.rates, side.attacks) for side in found.attacked.sides]
+
+    raters, providers = [(True, False), (True, True)], [(False, False), (False, True)]
+    assert sides("block", "coalition") == raters + providers
+    assert sides("block", "raters") == [*raters, (False, False)]
+    assert sides("mean", "raters") == [(False, False)]
 
 
-def test_the_command_plays_the_worst_case_of_the_leaderboard(file: Path, tmp_path: Path) -> None:
-    with ResultStore(file) as store:
-        board = Leaderboard.of(SUITE, store.all())
-    row = next(row for row in board.rows if row.model == "mean")
-    made = printed("replay", file, "--model", "mean", "--video", "--out", tmp_path)
-    assert f"mean, {row.worst_condition}" in made
-    assert row.worst_attack in made
-    assert "The file has" not in made
+@pytest.mark.parametrize("rule", ["common", "own"])
+def test_the_command_plays_the_worst_setting_of_the_first_model(
+    folder: Path, tmp_path: Path, rule: str
+) -> None:
+    file = folder / "results.sqlite"
+    row = next(row for row in board_of(file).rows if row.rule == rule)
+    case = board_of(file).worst_cases[row.model, row.rule, row.worst_setting]
+    made = printed("replay", file, "--rule", rule, "--out", tmp_path)
+    for word in (row.model, row.worst_setting, case.attack, f"{case.scores['skill'].min():.3f}"):
+        assert word in made
+    assert "version" not in made
+    assert [path.name for path in tmp_path.iterdir()] == ["replay.png"]
+
+
+def test_a_video_shows_a_game(folder: Path, tmp_path: Path) -> None:
+    options = "--model", "mean", "--setting", "raters", "--world", 2, "--video"
+    made = printed("replay", folder / "results.sqlite", *options, "--out", tmp_path)
+    skill = board_of(folder / "results.sqlite").worst_cases["mean", "common", "raters"].scores
+    assert f"{skill['skill'][2]:.3f}" in made
     assert {path.name for path in tmp_path.iterdir()} == {"replay.png", "game.mp4", "game.png"}
 
 
 def test_names_are_neither_markup_nor_formulas(tmp_path: Path, drawn: None) -> None:
-    track = "liars $_$ [red]"
-    suite = small(
-        models=["mean"],
-        attacks=["bad-mouthing"],
-        tracks={track: {"roles": ["SR"], "shares": [0.5]}},
-    )
-    with ResultStore(tmp_path / "results.sqlite", suite) as store:
-        for cell in suite.cells():
-            store.add(cell, play_cell(suite, cell))
+    setting = "liars $_$ [red]"
+    suite = small_suite(settings={setting: {"roles": ["SR"], "share": 0.5}})
+    file = write_run(tmp_path / "results.sqlite", suite, random_cells(suite))
     out = tmp_path / "out [red]"
-    made = printed("replay", tmp_path / "results.sqlite", "--out", out)
-    assert f"mean, market, {track} 50%" in made
-    assert f"Written to {out}: replay.png" in made
+    made = printed("replay", file, "--out", out)
+    assert setting in made
+    assert str(out) in made
     assert (out / "replay.png").stat().st_size > 5000
 
 
-def test_a_file_with_other_numbers_is_reported(file: Path, tmp_path: Path) -> None:
+def test_a_file_with_other_numbers_is_reported(folder: Path, tmp_path: Path) -> None:
     other = tmp_path / "results.sqlite"
-    other.write_bytes(file.read_bytes())
+    other.write_bytes((folder / "results.sqlite").read_bytes())
     with sqlite3.connect(other) as connection:
         connection.execute("UPDATE attacks SET measured = replace(measured, '0.', '0.0')")
-    made = printed("replay", other, "--model", "mean", "--out", tmp_path / "out")
-    assert "The file has a utility of 0.0" in made
+    options = "--model", "mean", "--setting", "raters", "--world", 0, "--out", tmp_path / "out"
+    made = printed("replay", other, *options)
+    key = "mean", "common", "raters"
+    for file in (other, folder / "results.sqlite"):
+        skill = board_of(file).worst_cases[key].scores["skill"][0]
+        assert f"{skill:.6f}" in made
 
 
-def test_what_cannot_be_played_again_is_refused(file: Path, tmp_path: Path) -> None:
-    scripted = next(cell for cell in SUITE.cells() if cell.method == "scripted")
-    for arguments, words in (
-        (["--model", "means"], ("means",)),
-        (["--cell", scripted.key.replace("scripted", "PPO")], ("mean|market|raters|0.25|PPO|3",)),
-        (["--cell", scripted.key, "--attack", "bad-mouth"], ("bad-mouthing",)),
-        (["--attack", "bad-mouthing"], ("--attack", "--cell")),
-        (["--cell", scripted.key, "--model", "mean"], ("--cell", "--model")),
-    ):
-        made = printed("replay", file, *arguments, "--out", tmp_path, code=2)
-        assert_names(made, *words)
-    honest = next(cell for cell in SUITE.cells() if cell.track == "honest")
-    with refuses(ValueError, "mean|market|honest|0.0|nobody|3"):
-        find_attack(SUITE, honest, "nobody")
-    with refuses(ValueError, "nothing", "bad-mouthing"):
-        find_attack(SUITE, scripted, "nothing")
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--model", "means"], ["means", "common"]),
+        (["--model", "mean", "--rule", "own"], ["mean", "own"]),
+        (["--setting", "clean"], ["clean", "raters-open"]),
+        (["--world", "3"], ["world", 3, 2]),
+    ],
+)
+def test_what_cannot_be_played_again_is_refused(
+    folder: Path, tmp_path: Path, options: list[str], words: list[object]
+) -> None:
+    made = printed("replay", folder / "results.sqlite", *options, "--out", tmp_path / "out", code=2)
+    assert_names(made, *words)
+    assert not (tmp_path / "out").exists()
+
+
+def test_code_of_a_file_is_imported_on_demand_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether the file names it as a trust model or in the record of an attack."""
+    model, attack = "outside_model:Model", "no_such_module:Attack"
+    text = "from roletrust_env.trust.models import Mean\nclass Model(Mean): ...\n"
+    (tmp_path / "outside_model.py").write_text(text, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    settings = {"raters": SUITE.settings["raters"].model_dump()}
+    named, suite = small_suite(models=[model], own=[], settings=settings), small_suite()
+    record = record_of(AgreedScripts((attack,)))
+    files = {
+        model: write_run(tmp_path / "model.sqlite", named, random_cells(named)),
+        attack: write_run(tmp_path / "attack.sqlite", suite, random_cells(suite, record)),
+    }
+    monkeypatch.delitem(sys.modules, "outside_model")
+    for words, file in files.items():
+        options = ["--model", model] if words == model else []
+        made = printed("replay", file, *options, "--out", tmp_path / "out", code=2)
+        assert_names(made, words, "--allow-code")
+    assert "outside_model" not in sys.modules
+    printed("replay", files[model], "--model", model, "--allow-code", "--out", tmp_path / "out")
+    assert "outside_model" in sys.modules

@@ -1,7 +1,6 @@
 """`roletrust report`: its files against the file of a run."""
 
 import csv
-import gzip
 import re
 from pathlib import Path
 from typing import Any
@@ -10,172 +9,138 @@ import numpy as np
 import pytest
 from command_line import printed
 from refusals import assert_names
-from report_run import SHOWN, SUITE, lines, mean
-from small_suites import small
+from report_run import SHOWN, SUITE, board_of, lines, random_cells, small_suite, write_run
 
-from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.store import ResultStore
+from roletrust_env.benchmarking.leaderboard import COLUMNS
 from roletrust_env.evaluation.specs import is_own_model
 
 
-def test_a_report_on_the_scale_of_skill_says_so(tmp_path: Path) -> None:
-    suite = small(
-        models=["mean", "constant"], attacks=["bad-mouthing"], methods=["scripted"], score="skill"
-    )
-    with ResultStore(tmp_path / "results.sqlite", suite) as store:
-        for cell in suite.cells():
-            store.add(cell, play_cell(suite, cell))
-    printed("report", tmp_path / "results.sqlite", "--out", tmp_path / "out")
-    page = (tmp_path / "out" / "report.html").read_text()
-    assert "Worst-case skill" in page
-    for name, column in (("breakdown", "score"), ("worst_cases", "score"), ("heatmap", "skill")):
-        blind = [line for line in lines(tmp_path, name) if line["model"] == "constant"]
-        assert blind
-        assert all(abs(float(line[column])) < 1e-9 for line in blind)
-    assert "Skill of each model in the worst case of every condition" in page
-    assert "stands for a skill of 0.84" in page
-
-
 def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:
-    for name in ("leaderboard", *SHOWN):
+    for name in SHOWN:
         assert lines(folder, name)
         assert (folder / "out" / f"{name}.png").stat().st_size > 5000
         document = (folder / "out" / f"{name}.pdf").read_bytes()
         assert b"/Type3" not in document
         assert b"/FontFile2" in document  # the font itself, as TrueType
-    for line in lines(folder, "heatmap"):
-        if line["condition"] == "market, raters 50%":
-            expected = mean(folder, line["model"], line["attack"], "raters", 0.5)
-            assert float(line["utility"]) == pytest.approx(expected, abs=1e-6)
-    last = lines(folder, "leaderboard")[-1]
-    assert last["model"] == "constant"
-    start = [
-        line
-        for line in lines(folder, "breakdown")
-        if line["where"] == "market, raters" and line["share"][0] == "0"
-    ]
-    assert {float(line["share"]) for line in start} == {0, 0.25, 0.5}
+    board = board_of(folder / "results.sqlite")
+    for line, row in zip(lines(folder, "leaderboard"), board.rows, strict=True):
+        assert (line["model"], line["rule"], int(line["rank"])) == (row.model, row.rule, row.rank)
+        for name in ("worst", "gain", "clean"):
+            assert float(line[name]) == pytest.approx(row.estimates[name].mean, abs=1e-6)
+    cases = lines(folder, "worst_cases")
+    assert len(cases) == len(board.worst_cases) == len(SUITE.entrants) * len(SUITE.settings)
+    for line in cases:
+        case = board.worst_cases[line["model"], line["rule"], line["setting"]]
+        assert (line["attack"], line["method"]) == (case.attack, case.method)
+        assert float(line["skill"]) == pytest.approx(case.skill, abs=1e-6)
 
 
-def test_worst_cases_are_the_lowest_scores_of_the_attacks_in_other_games(folder: Path) -> None:
-    """One row for each model and condition, and the mean over the conditions with attackers is the
-    headline."""
-    rows = lines(folder, "worst_cases")
-    conditions = {
-        (cell.model, cell.scenario, cell.track, str(cell.share)) for cell in SUITE.cells()
-    }
-    found = [
-        (row["model"], row["scenario"], row["track"], str(float(row["share"]))) for row in rows
+def test_regimes_compare_settings_with_both_kinds_of_reports(folder: Path) -> None:
+    rows = lines(folder, "regimes")
+    board = board_of(folder / "results.sqlite")
+    assert [(row["model"], row["rule"]) for row in rows] == [
+        (row.model, row.rule) for row in board.rows
     ]
-    assert len(found) == len(conditions)
-    assert set(found) == conditions
-    assert {row["games"] for row in rows} == {str(SUITE.games)}
     for row in rows:
-        where = row["model"], row["attack"], row["track"], float(row["share"])
-        blind = mean(folder, *where, "blind")
-        assert float(row["blind"]) == pytest.approx(blind, abs=1e-6)
-        assert float(row["score"]) == pytest.approx(max(mean(folder, *where), blind), abs=1e-6)
-    for line in lines(folder, "leaderboard"):
-        own = [
-            float(row["score"])
-            for row in rows
-            if row["model"] == line["model"] and float(row["share"])
-        ]
-        assert np.mean(own) == pytest.approx(float(line["worst"]), abs=1e-5)
-
-
-def test_conditions_summarise_the_worst_cases(folder: Path) -> None:
-    rows = [row for row in lines(folder, "worst_cases") if float(row["share"])]
-    found = lines(folder, "conditions")
-    assert len(found) == len(SUITE.conditions)
-    for line, (scenario, track, share) in zip(found, SUITE.conditions, strict=True):
-        scores = [
-            float(row["score"])
-            for row in rows
-            if (row["scenario"], row["track"], float(row["share"])) == (scenario, track, share)
-        ]
-        assert line["condition"] == f"{scenario}, {track} {share:.0%}"
+        verified, open_ = (
+            board.worst_cases[row["model"], row["rule"], name].scores["skill"]
+            for name in ("raters", "raters-open")
+        )
+        gap = open_ - verified
+        # Student's distribution with 2 degrees of freedom
+        half = 4.302653 * gap.std(ddof=1) / np.sqrt(3)
         for name, value in (
-            ("mean", np.mean(scores)),
-            ("least", min(scores)),
-            ("spread", np.std(scores, ddof=1)),
+            ("verified", verified.mean()),
+            ("open", open_.mean()),
+            ("difference", gap.mean()),
+            ("difference_half_95", half),
         ):
-            assert float(line[name]) == pytest.approx(value, abs=1e-5)
-        assert 0 <= float(line["told_apart"]) <= 1
-    assert "How well each condition tells models apart" in (
-        folder / "out" / "report.html"
-    ).read_text(encoding="utf-8")
+            assert float(row[name]) == pytest.approx(value, abs=2e-6)
 
 
-def test_the_games_give_the_worst_cases_of_the_leaderboard(folder: Path) -> None:
-    with gzip.open(folder / "out" / "games.csv.gz", "rt", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    lowest: dict[tuple[str, ...], tuple[float, float]] = {}
+def test_a_run_without_pairs_of_settings_has_no_regimes(tmp_path: Path) -> None:
+    suite = small_suite(settings={"liars": {"roles": ["SR"], "share": 0.3}})
+    file = write_run(tmp_path / "results.sqlite", suite, random_cells(suite))
+    printed("report", file, "--out", tmp_path / "out")
+    assert lines(tmp_path, "regimes") == []
+    assert 'id="regimes"' not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_curve_is_the_regret_of_the_rounds_of_the_worst_case(folder: Path) -> None:
+    board, rows = board_of(folder / "results.sqlite"), lines(folder, "curves")
+    longest = max(world.max_cycles for world in SUITE.worlds.worlds("measured"))
+    assert len(rows) == 3 * len(SUITE.entrants)
     for row in rows:
-        if row["method"] not in ("nobody", "white-box planner"):
-            chosen, trusted, blind = (
-                float(np.mean([float(x) for x in row[name].split()]))
-                for name in ("chosen_utility", "utility", "blind")
-            )
-            key = row["model"], row["scenario"], row["track"], row["share"]
-            lowest[key] = min(lowest.get(key, (np.inf, np.inf)), (chosen, max(trusted, blind)))
-    for line in lines(folder, "leaderboard"):
-        own = [worst for (model, *_), (_, worst) in lowest.items() if model == line["model"]]
-        assert np.mean(own) == pytest.approx(float(line["worst"]), abs=1e-4)
+        case = board.worst_cases[row["model"], row["rule"], row["setting"]]
+        values = [float(x) for x in row["regret"].split()]
+        assert row["attack"] == case.attack
+        assert len(values) == longest
+        assert values == pytest.approx(list(case.by_round))
 
 
-def test_a_curve_is_the_utility_of_the_rounds(folder: Path) -> None:
-    for line in lines(folder, "curves"):
-        values = [float(x) for x in line["utility"].split()]
-        assert (
-            len(values) == len(line["rounds"].split()) == 11
-        )  # of 12 rounds; in the first nothing is known
-        assert 0 <= min(values) <= max(values) <= 1
-
-
-def test_the_page_needs_nothing_from_outside_and_takes_text_as_text(folder: Path) -> None:
+def test_the_page_needs_nothing_from_outside_and_escapes_text(folder: Path) -> None:
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert "<script src" not in page
     assert "<script>alert" not in page
     both = f"{folder / 'results.sqlite'} {folder / 'learners.sqlite'}"
-    assert page.count(f"<code>roletrust report {both} --out {folder / 'out'}</code>") == 7
-    assert page.count(f"<code>roletrust benchmark --suite custom.toml --out {folder}</code>") == 5
+    assert page.count(f"<code>roletrust report {both} --out {folder / 'out'}</code>") == 5
+    assert page.count(f"<code>roletrust benchmark --suite small.toml --out {folder}</code>") == 3
     assert page.count(f"<code>roletrust benchmark --suite large.toml --out {folder}</code>") == 2
 
 
+def test_the_page_has_the_settings_and_the_distribution_of_the_worlds(folder: Path) -> None:
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    worlds = page.partition('id="worlds"')[2].partition("</section>")[0]
+    for name in (*SUITE.settings, *SUITE.worlds.set):
+        assert name in worlds
+    assert "8, &#34;high&#34;: 12" in worlds
+
+
 def test_rows_lead_to_the_pages_of_the_models(folder: Path, tmp_path: Path) -> None:
-    printed("report", folder / "results.sqlite", "--pages", "../models/", "--out", tmp_path / "out")
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "roletrust report" in page
+    suite = small_suite(models=["mean", "block", "roletrust_env.trust.models:Mean"])
+    page = _page_of(suite, tmp_path, "--pages", "../models/", "--allow-code")
     assert "--pages ../models/ --out" in page
-    for name in SUITE.models:
-        assert (
-            f'<a href="../models/{name.partition(":")[0]}.html">{name}</a>' in page
-        ) == is_own_model(name)
+    for name in suite.model_names:
+        link = f'<a href="../models/{name.partition(":")[0]}.html">{name}</a>'
+        assert (link in page) == is_own_model(name)
     assert "../models" not in (folder / "out" / "report.html").read_text(encoding="utf-8")
 
 
-def test_replays_of_logs_have_a_column(folder: Path, tmp_path: Path) -> None:
-    lines = ["log,sha256,round,protocol,model,measure,value,low,high"]
-    lines += [f'otc,ab,9,attack,mean,"{goal}, 3 new",0.25,0.2,0.3' for goal in ("sink", "lift")]
-    (tmp_path / "comparison.csv").write_text("\n".join(lines) + "\n")
-    options = "--logs", str(tmp_path / "comparison.csv"), "--out", str(tmp_path / "out")
-    printed("report", folder / "results.sqlite", *options)
+def _page_of(suite: Any, folder: Path, *options: str) -> str:
+    """Return the page of a run with random numbers."""
+    file = write_run(folder / "results.sqlite", suite, random_cells(suite))
+    printed("report", file, *options, "--out", folder / "out")
+    return (folder / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_failed_cell_is_a_warning_and_the_others_count(folder: Path, tmp_path: Path) -> None:
+    suite = small_suite()
+    stored = random_cells(suite)
+    failed = stored[1]
+    stored[1] = failed._replace(result=failed.result._replace(rows=(), failed="division by <b>"))
+    file = write_run(tmp_path / "results.sqlite", suite, stored)
+    printed("report", file, "--out", tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    warnings = page.partition('id="warnings"')[2]
+    assert f"{failed.cell.key}: division by &lt;b&gt;" in warnings
+    assert len(lines(tmp_path, "worst_cases")) == len(stored) - 1
+    (row,) = [row for row in lines(tmp_path, "leaderboard") if row["missing"] == "1"]
+    assert (row["model"], row["rule"]) == failed.cell[:2]
+
+
+def test_replays_of_logs_have_a_column(tmp_path: Path) -> None:
+    rows = ["log,sha256,round,protocol,model,measure,value,low,high"]
+    rows += [f'otc,ab,9,attack,mean,"{goal}, 3 new",0.25,0.2,0.3' for goal in ("sink", "lift")]
+    (tmp_path / "comparison.csv").write_text("\n".join(rows) + "\n")
+    page = _page_of(small_suite(), tmp_path, "--logs", str(tmp_path / "comparison.csv"))
     assert '<td data-value="0.5">0.500<span class="half"> 0.45 to 0.55</span></td>' in page
     assert "--logs" in page
-    assert "| 0.500 (0.450, 0.550) |" in (tmp_path / "out" / "leaderboard.md").read_text(
-        encoding="utf-8"
-    )
 
 
 def test_every_file_that_the_page_links_to_is_there(folder: Path) -> None:
-    links = set(
-        re.findall(
-            r'href="([^#"]+\.\w+)"', (folder / "out" / "report.html").read_text(encoding="utf-8")
-        )
-    )
-    assert {"worst_cases.csv", "heatmap.pdf", "learners.csv"} <= links
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    links = set(re.findall(r'href="([^#"]+\.\w+)"', page))
+    assert {"worst_cases.csv", "curves.pdf", "regimes.csv", "learners.csv"} <= links
     assert [link for link in links if not (folder / "out" / link).is_file()] == []
 
 
@@ -189,41 +154,19 @@ def test_learners_alone_have_a_page(folder: Path, tmp_path: Path) -> None:
 
 
 def test_the_leaderboard_in_markdown_has_the_numbers_of_the_other(folder: Path) -> None:
-    text = (folder / "out" / "leaderboard.md").read_text(encoding="utf-8").splitlines()
-    assert (
-        text[0]
-        == "| tier | rank | model | clean | worst | alike | worst attack | damage | alarms | AUC | holds |"  # noqa: E501
-    )
-    end = text.index("")
-    assert f"Made by `roletrust benchmark --suite custom.toml --out {folder}`." in text[end + 1]
-    assert [line.split("**")[1] for line in text[end + 3 :]][:3] == ["score", "tier", "clean"]
-    for line, row in zip(text[2:end], lines(folder, "leaderboard"), strict=True):
-        tier, rank, model, clean, worst, *_ = line.strip("| ").split(" | ")
+    text = (folder / "out" / "leaderboard.md").read_text(encoding="utf-8")
+    assert f"`roletrust benchmark --suite small.toml --out {folder}`" in text
+    found = list(csv.reader(re.findall(r"^\| +\d.*\|$", text, re.M), delimiter="|"))
+    for line, row in zip(found, lines(folder, "leaderboard"), strict=True):
+        _, tier, rank, model, *numbers, _ = (cell.strip() for cell in line)
         assert (tier, rank, model) == (row["tier"], row["rank"], f"`{row['model']}`")
-        for found, name in ((clean, "clean"), (worst, "worst")):
-            assert found == f"{float(row[name]):.3f} ± {float(row[f'{name}_half_95']):.3f}"
+        shown = [column.name for column in COLUMNS if column.shown]
+        for number, name in zip(numbers[: len(shown)], shown, strict=True):
+            assert number.split()[0] == f"{float(row[name]):.3f}"
 
 
-def test_what_treatment_costs_and_the_worlds_have_tables(folder: Path) -> None:
-    moved, board = lines(folder, "moved"), lines(folder, "leaderboard")
-    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
-    for line, row in zip(moved, board, strict=True):
-        assert [line[name] for name in ("model", "rank", "worst", "alike")] == [
-            row[name] for name in ("model", "rank", "worst", "alike")
-        ]
-        assert float(line["loss"]) == pytest.approx(
-            float(row["alike"]) - float(row["worst"]), abs=2e-6
-        )
-    assert [
-        (line["scenario"], line["raters"], line["rounds"]) for line in lines(folder, "worlds")
-    ] == [("market", "4", "12")]
-    assert "What moves if providers treat raters differently" in page
-    assert "The worlds" in page
-
-
-def test_what_is_no_run_is_refused(folder: Path, tmp_path: Path) -> None:
-    with ResultStore(tmp_path / "empty.sqlite", small()):
-        pass
+def test_a_file_without_results_is_refused(folder: Path, tmp_path: Path) -> None:
+    write_run(tmp_path / "empty.sqlite", small_suite(), [])
     for name in ("none.sqlite", "empty.sqlite"):
         result = printed("report", tmp_path / name, "--out", tmp_path / "out", code=2)
         assert_names(result, tmp_path / name)

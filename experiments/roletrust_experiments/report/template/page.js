@@ -1,5 +1,5 @@
 "use strict";
-// Sorts the tables and filters the leaderboard.
+// Sort the tables and filter the leaderboard.
 
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
 const section = (name) => document.getElementById(name);
@@ -26,7 +26,7 @@ function sortTable(heading) {
 
 function filterBoard() {
   const words = section("filter").value.toLowerCase();
-  const rows = [...document.querySelectorAll("#board tbody tr")];
+  const rows = [...document.querySelectorAll(".models tbody tr")];
   rows.forEach((row) => { row.hidden = !row.dataset.name.toLowerCase().includes(words); });
   section("found").value = words ? `${rows.filter((row) => !row.hidden).length} of ${rows.length} models` : "";
 }
