@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.suite import RULES, Cell, Rule, Suite
-from roletrust_env.benchmarking.verdict import verdict
+from roletrust_env.benchmarking.tiers import tiers
 from roletrust_env.evaluation.received import SCORES
 from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.metrics.score import mean_or_nan
@@ -321,7 +321,7 @@ def _rows(
     ]
     order = sorted(range(len(models)), key=lambda k: keys[k])
     judged = [k for k in order if not missing[k] and not np.isnan(keys[k][1])]
-    tiers = dict(zip(judged, verdict(worst[judged][:, None]).tiers, strict=True))
+    tier_of = dict(zip(judged, tiers(worst[judged][:, None]), strict=True))
     rows = []
     for k in order:
         own = {
@@ -332,7 +332,7 @@ def _rows(
         lowest = min(own, key=lambda name: own[name].skill, default="")
         rows.append(
             BoardRow(
-                tier=tiers.get(k),
+                tier=tier_of.get(k),
                 rank=[keys[j] for j in order].index(keys[k]) + 1,
                 model=models[k],
                 rule=rule,

@@ -168,11 +168,6 @@ class ResultStore:
         with self._reading() as file:
             return {key for (key,) in file.execute("SELECT key FROM cells WHERE failed = ''")}
 
-    def hosts(self) -> set[str]:
-        """Return the names of the machines that played cells."""
-        with self._reading() as file:
-            return {host for (host,) in file.execute("SELECT DISTINCT host FROM cells")}
-
     def all(self) -> list[StoredCell]:
         """Return all cells with their results, in the order of their keys."""
         with self._reading() as file:

@@ -4,7 +4,7 @@ read off them.
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,7 @@ from roletrust_env.game.consumer import Bought
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.rollout import Round, rollout
 from roletrust_env.memory import check_memory
-from roletrust_env.metrics.score import mean_or_nan, ratio
+from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.parameters import whole_number
 from roletrust_env.randomness import Random
 from roletrust_env.trust import Traits
@@ -245,33 +245,6 @@ class GameScores(NamedTuple):
     treats: npt.NDArray[np.bool_]
 
 
-class SplitScores(NamedTuple):
-    """The scores of K attacks in held-out games, in two halves.
-
-    Attributes:
-        chosen: Scores in the first half of the games, which choose the worst case.
-        measured: Scores in the second half, which measure the worst case.
-        by_round: Mean utility over the second half in each round from the second on, shape (T - 1,
-            K); NaN where no provider served well.
-        treats: See `GameRecord`, shape (K,); in any of the games.
-    """
-
-    chosen: Scores
-    measured: Scores
-    by_round: Floats
-    treats: npt.NDArray[np.bool_]
-
-    @classmethod
-    def halves(cls, scores: Scores, bought: Bought, treats: npt.NDArray[np.bool_]) -> Self:
-        """Split scores of shape (K, 2 G), and what consumers got in the same games."""
-        first, second = zip(
-            *(np.split(values, 2, axis=-1) for values in scores.values()), strict=True
-        )
-        got, best = (np.split(part, 2, axis=-1)[1] for part in (bought.got, bought.best))
-        chosen, measured = (dict(zip(scores, half, strict=True)) for half in (first, second))
-        return cls(chosen, measured, mean_or_nan(ratio(got, best), axis=-1), treats)
-
-
 def watch(
     task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], batch: tuple[int, int]
 ) -> GameRecord:
@@ -351,37 +324,6 @@ def score(
     auc = _detection(task, mean_or_nan(seen.trust, 0, weights), judged)
     scores = {**_read(seen, honest, weights), "damage": damage, "auc": auc}
     return GameScores(scores, seen.bought, twin.bought, seen.treats)
-
-
-def measure(
-    task: AttackTask,
-    attacker: Attacker,
-    seed: int,
-    batch: tuple[int, int],
-    twin: GameRecord | None = None,
-) -> SplitScores:
-    """Score attacks in games that choose the worst case and in other games that measure it.
-
-    Args:
-        task: Task that is played, in double precision.
-        attacker: Attacker, or K attackers side by side.
-        seed: Random seed.
-        batch: Shape (K, G): K attacks, in G games each to choose the worst case, and in G others to
-            measure it.
-        twin: The 2 G honest games, see `score`.
-    """
-    scored = score(task, attacker, seed, (batch[0], 2 * batch[1]), twin)
-    return SplitScores.halves(scored.scores, scored.bought, scored.treats)
-
-
-def measure_honest(task: AttackTask, seed: int, games: int) -> SplitScores:
-    """Score games with everybody honest. Damage and AUC are undefined there."""
-    judged = _judged(task)
-    agents = [i for i, name in enumerate(task.game.roster.names) if name in judged]
-    nothing = np.full((1, 2 * games), np.nan)
-    seen, weights = watch_honest(task, seed, 2 * games), task.game.scenario.round_weights
-    scores = {**_read(seen, agents, weights), "damage": nothing, "auc": nothing}
-    return SplitScores.halves(scores, seen.bought, seen.treats)
 
 
 def _judged(task: AttackTask) -> tuple[str, ...]:

@@ -53,17 +53,6 @@ Progress = tuple[tuple[int, float], ...]
 knew of then."""
 
 
-def late_gain(progress: Progress) -> float:
-    """Return how much the reward of a search rose with the last doubling of its rounds.
-
-    Args:
-        progress: Course of the search, one point or more.
-    """
-    rounds, last = progress[-1]
-    earlier = [best for played, best in progress if 2 * played <= rounds]
-    return last - earlier[-1] if earlier else 0.0
-
-
 class SearchResult(NamedTuple):
     """The result of a search.
 

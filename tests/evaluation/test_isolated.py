@@ -14,7 +14,7 @@ from roletrust_env import make_scenario
 from roletrust_env.evaluation import isolated
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.isolated import IsolatedModel
-from roletrust_env.evaluation.measurement import Scores, exact_task, measure
+from roletrust_env.evaluation.measurement import Scores, exact_task, score
 from roletrust_env.evaluation.specs import is_own_model, parse_attacks, parse_trust_model
 from roletrust_env.trust import Ratings
 from roletrust_env.trust.model import Traits
@@ -77,7 +77,7 @@ def scores(model: Any) -> Scores:
             "consumers": "raters",
         }
     )
-    return measure(task, Scripted(policies), 0, (1, 3)).measured
+    return score(task, Scripted(policies), 0, (1, 6)).scores
 
 
 @pytest.mark.parametrize(("text", "seated"), [("role-trust", False), ("qor:theta=0.9", True)])
