@@ -6,7 +6,7 @@ OUT := results
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: run docs test test-all test-slow test-doctests test-thorough test-studies test-site test-extras test-live test-soak \
-	test-ros2 test-clients setup format study studies benchmark report archive dist cards notebooks clean
+	test-ros2 test-clients setup format study studies benchmark archive dist cards notebooks clean
 
 run: $(VENV)/.ready-run
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -98,16 +98,11 @@ studies: setup
 docs/game.gif: setup
 	$(BIN)/python docs/_ext/moving_picture.py $@
 
-# The leaderboard and its report, of which the README has the picture; about two hours on two cores. Git ignores the raw
-# results beside the tables; `make archive` packs them.
+# The leaderboard: every model with searches, in hours; its entries, which the package carries, and its tables.
 benchmark: setup
-	$(BIN)/roletrust benchmark --suite standard --out $(OUT)/standard
-	$(BIN)/roletrust report $(OUT)/standard/results.sqlite --pages ../../reference/models \
-		--out docs/leaderboards/standard
-
-# The technical report in build/report/, from the results in docs/; seconds. Chromium prints the PDF, where there is one.
-report: setup
-	$(BIN)/python docs/_ext/article.py docs build/report
+	$(BIN)/roletrust benchmark all --search --out $(OUT)/standard
+	$(BIN)/roletrust submit $(OUT)/standard/results.sqlite all --out roletrust_env/benchmarking/published
+	$(BIN)/python -m studies summaries --publish
 
 # The files of a commit, whatever the settings of git are.
 COMMIT := git -c tar.umask=0002 -c core.autocrlf=false archive

@@ -1,5 +1,5 @@
 """The first picture of those pages of results that are about trust models, from their published
-numbers.
+numbers, and the tables of the leaderboard from its published entries.
 
 Seconds. Each picture shows columns of a CSV file in `docs/`, in the order of the rows.
 """
@@ -7,12 +7,13 @@ Seconds. Each picture shows columns of a CSV file in `docs/`, in the order of th
 import csv
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from roletrust_env.benchmarking.leaderboard import COLUMNS, BoardRow
-from roletrust_env.metrics.confidence import Estimate, Interval
+from roletrust_env.benchmarking import Leaderboard, benchmark
+from roletrust_env.benchmarking.leaderboard import CASES_HEADER, HEADER
+from roletrust_env.metrics.confidence import Interval
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from roletrust_experiments.report.figures import leaderboard_figure
 from studies.study import DOCS, Recipe, Study
@@ -26,23 +27,31 @@ class Options(NamedTuple):
 
 
 STANDARD = "leaderboards/standard/leaderboard"
-"""Picture and table of the suite `standard`, which `make benchmark` makes, too."""
+"""Picture and table of the suite `standard`."""
+
+_TABLES = (f"{STANDARD}.csv", f"{STANDARD}.md", "leaderboards/standard/worst_cases.csv")
 
 PICTURES = (STANDARD, "real", "model-costs", "edge-costs")
 """Such pictures."""
 
-RECIPES = {"summaries": Recipe(Options(), {f"{name}.png": f"{name}.png" for name in PICTURES})}
+_FILES = (*(f"{name}.png" for name in PICTURES), *_TABLES)
+RECIPES = {"summaries": Recipe(Options(), {name: name for name in _FILES})}
 
 Rows = list[dict[str, str]]
 
 
 def main(study: Study[Options]) -> None:
-    """Draw all pictures."""
-    for name, figure in figures(study.options.docs).items():
+    """Draw all pictures, and write the leaderboard."""
+    board = benchmark()
+    for name, figure in figures(study.options.docs, board).items():
         study.figure(f"{name}.png", figure)
+    table, text, cases = _TABLES
+    study.text(text, f"{board.to_markdown()}\n\n{board.convergence}\n\n{board.legend}")
+    study.csv(table, HEADER, board.lines())
+    study.csv(cases, CASES_HEADER, board.case_lines())
 
 
-def figures(docs: Path) -> dict[str, Figure]:
+def figures(docs: Path, board: Leaderboard) -> dict[str, Figure]:
     """Return the figures by their name in `PICTURES`."""
 
     def rows(name: str) -> Rows:
@@ -65,7 +74,7 @@ def figures(docs: Path) -> dict[str, Figure]:
     )
     costs = [row for row in rows("model-costs.csv") if row["raters"] == row["providers"] == "300"]
     return {
-        STANDARD: leaderboard_figure([board_row(row) for row in rows(f"{STANDARD}.csv")]),
+        STANDARD: leaderboard_figure(board.rows),
         "real": panels_figure("", [panel], "bars: 95% intervals"),
         "model-costs": times_figure(_times((f"{row['library']}, 300 x 300", row) for row in costs)),
         "edge-costs": times_figure(
@@ -74,15 +83,6 @@ def figures(docs: Path) -> dict[str, Figure]:
             )
         ),
     }
-
-
-def board_row(row: dict[str, str]) -> BoardRow:
-    """Return a row of a leaderboard from the texts of its CSV file."""
-    values: dict[str, Any] = {name: row[name] for name in BoardRow._fields if name in row}
-    numbers = {name: int(row[name] or 0) for name in ("tier", "rank", "missing")}
-    estimates = {column.name: _estimate(row, column.name) for column in COLUMNS}
-    values |= {**numbers, "tier": numbers["tier"] or None, "estimates": estimates}
-    return BoardRow(**values)
 
 
 def _times(labelled: Iterable[tuple[str, dict[str, str]]]) -> dict[str, dict[str, Interval]]:
@@ -95,9 +95,3 @@ def _times(labelled: Iterable[tuple[str, dict[str, str]]]) -> dict[str, dict[str
             times = (float(row[f"ns_per_rating{end}"]) for end in ("", "_least", "_greatest"))
             times_of_model.setdefault(label, {})[row["model"]] = Interval(*times)
     return times_of_model
-
-
-def _estimate(row: dict[str, str], column: str) -> Estimate:
-    """Return an estimate with half its interval."""
-    mean, half = (float(row[name] or "nan") for name in (column, f"{column}_half_95"))
-    return Estimate(mean, half)

@@ -6,6 +6,7 @@ and nothing that they name is made before it is known to be installed.
 
 import hashlib
 import json
+import re
 from collections.abc import Sequence
 from contextlib import closing
 from functools import cache
@@ -147,6 +148,16 @@ class Entry(UntrustedModel):
             source=model_source(model),
             cells=cells,
         )
+
+    @property
+    def file_name(self) -> str:
+        """File name of a published entry."""
+        return re.sub(r"[^A-Za-z0-9_.-]+", "-", self.model) + ".json"
+
+    @property
+    def text(self) -> str:
+        """Content of the file."""
+        return json.dumps(self.model_dump(mode="json"), separators=(",", ":")) + "\n"
 
     def stored(self) -> list[StoredCell]:
         """Return the cells with their results."""

@@ -206,7 +206,7 @@ class Leaderboard:
         Raises:
             OSError: The file cannot be written.
         """
-        write_csv(Path(path), HEADER, self._lines())
+        write_csv(Path(path), HEADER, self.lines())
 
     def to_pandas(self) -> Any:
         """Return the rows as a `pandas.DataFrame` with the columns of `HEADER`.
@@ -216,9 +216,10 @@ class Leaderboard:
         """
         from pandas import DataFrame
 
-        return DataFrame(self._lines(), columns=list(HEADER))
+        return DataFrame(self.lines(), columns=list(HEADER))
 
-    def _lines(self) -> list[tuple[object, ...]]:
+    def lines(self) -> list[tuple[object, ...]]:
+        """Return the rows as plain values in the order of `HEADER`."""
         return [
             (
                 *row[:4],
@@ -234,7 +235,11 @@ class Leaderboard:
         Raises:
             OSError: The file cannot be written.
         """
-        lines = [
+        write_csv(Path(path), CASES_HEADER, self.case_lines())
+
+    def case_lines(self) -> list[tuple[object, ...]]:
+        """Return the worst cases as plain values in the order of `CASES_HEADER`."""
+        return [
             (
                 *(*key, case.attack, case.words, case.method),
                 *(x for score in SCORES for x in _estimates(case.scores[score][None])[0][:2]),
@@ -242,7 +247,6 @@ class Leaderboard:
             )
             for key, case in self.worst_cases.items()
         ]
-        write_csv(Path(path), CASES_HEADER, lines)
 
     def to_markdown(self) -> str:
         """Return the rows as tables in Markdown, one for each choice rule."""

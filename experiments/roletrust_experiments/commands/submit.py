@@ -23,7 +23,7 @@ from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite import Suite, with_models
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.specs import check_installed
-from roletrust_env.storage.files import write_json
+from roletrust_env.storage.files import write_text
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands.console import ALLOW_CODE, console, tell
 from roletrust_experiments.commands.extras import require
@@ -34,8 +34,10 @@ def submit(
     results: Annotated[
         Path, typer.Argument(help="Results of `roletrust benchmark`, a file results.sqlite.")
     ],
-    model: Annotated[str, typer.Argument(help="Trust model of the run.")],
-    out: Annotated[Path, typer.Option(help="File to write.", metavar="FILE.json")],
+    model: Annotated[
+        str, typer.Argument(help="Trust model of the run; `all` writes a file for each model.")
+    ],
+    out: Annotated[Path, typer.Option(help="File to write; a folder for `all`.", metavar="PATH")],
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
 ) -> None:
     """Write [bold]the results of a trust model[/] to one file that others can check.
@@ -51,12 +53,15 @@ def submit(
     --out mymodel.json[/]
     """
     require("a submission", "train", "scipy", "cma")
-    if not allow_code:
-        check_installed(trust_models, [model])
     with ResultStore(results) as store:
-        entry = Entry.of(store, model)
-    write_json(out, entry.model_dump(mode="json"))
-    tell(f"Written: {out}, {len(entry.cells):,} cells")
+        models = getattr(store.suite, "model_names", []) if model == "all" else [model]
+        if not allow_code:
+            check_installed(trust_models, models)
+        entries = [Entry.of(store, name) for name in models]
+    for entry in entries:
+        path = out / entry.file_name if model == "all" else out
+        write_text(path, entry.text)
+        tell(f"Written: {path}, {len(entry.cells):,} cells")
 
 
 def verify(
