@@ -1,0 +1,170 @@
+"""Ways to fool the score of the closed loop, and the checks against them."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from roletrust_env.benchmarking.closed_loop.board import ClosedLoopBoard
+from roletrust_env.benchmarking.closed_loop.play import CellPlay
+from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite, Method, Rule
+from roletrust_env.benchmarking.schema import AttackResult, CellResult
+from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.evaluation import received
+from roletrust_env.evaluation.agreed import AgreedScripts
+from roletrust_env.game.game import Game
+
+HONEST = AgreedScripts()
+MILKING = AgreedScripts(("milking-ring",))
+
+
+@cache
+def quick() -> ClosedLoopSuite:
+    suite = load_suite("quick")
+    assert isinstance(suite, ClosedLoopSuite)
+    return suite
+
+
+def suite_with(access: dict[str, Any] | None = None, **changes: Any) -> ClosedLoopSuite:
+    """Return the suite `quick` with two measured worlds and changed fields of the worlds."""
+    suite = quick()
+    fields = {**suite.worlds.set, "max_cycles": 20, **changes}
+    fields["access"] = {**fields["access"], **(access or {})}
+    worlds = {**suite.worlds.model_dump(), "measured": 2, "set": fields}
+    return ClosedLoopSuite.model_validate({**suite.model_dump(), "worlds": worlds})
+
+
+def scores_of(
+    suite: ClosedLoopSuite, model: str, setting: str, *attacks: AgreedScripts
+) -> dict[str, np.ndarray]:
+    """Return the scores of attacks in eight games of each measured world, shape (W, K) each."""
+    method: Method | Any = "scripts" if suite.settings[setting].roles else "honest"
+    cell = Cell(model, "common", setting, method)
+    return CellPlay(suite, cell).measure("measured", attacks, games=8).scores
+
+
+@pytest.mark.parametrize("model", ["mean", "block"])
+def test_an_offer_to_consumers_that_do_not_come_changes_no_score(
+    model: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each provider offers 1 to every consumer that does not choose it."""
+    before = scores_of(suite_with(), model, "coalition", MILKING)
+    offered = Game.offered
+
+    def generous(game: Game, earlier: Any, actions: Any, state: Any) -> Any:
+        real = offered(game, earlier, actions, state)
+        each = np.broadcast_to(real if real.ndim == 4 else real[None], state.awaiting.shape)
+        return np.where(state.awaiting | np.isnan(each), each, 1.0)
+
+    monkeypatch.setattr(Game, "offered", generous)
+    after = scores_of(suite_with(), model, "coalition", MILKING)
+    for name, values in before.items():
+        np.testing.assert_allclose(after[name], values, rtol=0, atol=1e-12, err_msg=name)
+
+
+def test_no_model_and_no_attack_moves_the_yardsticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    yardsticks: list[list[Any]] = []
+    receive = received.receive
+
+    def recorded(*arguments: Any) -> Any:
+        part = receive(*arguments)
+        for k in range(part.best.shape[0]):
+            yardsticks[k - 2].append((part.best[k], part.blind[k]))
+        return part
+
+    monkeypatch.setattr(received, "receive", recorded)
+    for model in ("mean", "block"):
+        yardsticks += [[], []]
+        scores_of(suite_with(), model, "coalition", HONEST, MILKING)
+    first, *others = map(np.array, yardsticks)
+    assert first.min() > 0
+    for other in others:
+        np.testing.assert_allclose(other, first, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", ["mean", "first-hand", "block", "constant"])
+def test_consumers_that_always_explore_have_the_skill_0(model: str) -> None:
+    suite = suite_with({"explore": 1.0})
+    skill, own = (
+        scores_of(suite, name, "clean", HONEST)["skill"] for name in (model, "own-experience")
+    )
+    assert skill == pytest.approx(0, abs=0.1)
+    assert np.array_equal(skill, own)
+
+
+@pytest.mark.parametrize(
+    "model", ["first-hand", "block", "block-forgiving", "agreed-once", "vial", "peer-trust"]
+)
+def test_one_consumer_alone_chooses_as_the_solo_model(model: str) -> None:
+    """A model that falls back on own experience has no advantage without other raters, although
+    half of the reports are lost."""
+    agents = [
+        {"role": "SR", "count": 1, "noise": 0.1},
+        {"role": "SP", "count": 8, "ability": [0.0, 1.0]},
+    ]
+    suite = suite_with(agents=agents, ratings={"lost": 0.5})
+    skill, own = (
+        scores_of(suite, name, "clean", HONEST)["skill"] for name in (model, "own-experience")
+    )
+    assert np.array_equal(skill, own)
+    assert own.min() > 0.2
+
+
+def board_of(chosen: dict[str, dict[str, float]], rule: Rule = "common") -> ClosedLoopBoard:
+    """Return the leaderboard of the skill of each attack on each model, the same in all worlds."""
+    fields = {**quick().model_dump(), "models": tuple(chosen), "own": (), "solo": SOLO}
+    fields["settings"] = {"raters": fields["settings"]["raters"]}
+    suite = ClosedLoopSuite.model_validate(fields)
+    stored = []
+    for model, attacks in chosen.items():
+        worst = min(attacks.values())
+        rows = []
+        for attack, skill in attacks.items():
+            measured = {name: [skill] * suite.worlds.measured for name in received.SCORES}
+            scores = {"skill": [skill] * suite.worlds.selection}
+            rows.append(AttackResult(attack, "", 0, scores, measured if skill == worst else {}))
+        stored.append((Cell(model, rule, "raters", "scripts"), CellResult(tuple(rows), 0.0)))
+    return ClosedLoopBoard.of(suite, stored)
+
+
+SOLO = {"common": "own-experience", "own": "own-experience"}
+
+
+def test_an_attack_that_ruins_the_solo_model_more_gives_no_gain() -> None:
+    """The gain is the difference between two worst cases. Under the attack `milking` alone it would
+    be 0.3."""
+    skills = {
+        "block": {"milking": 0.4, "lies": 0.0},
+        "own-experience": {"milking": 0.1, "lies": 0.6},
+    }
+    board = board_of(skills)
+    gains = {row.model: row.estimates["gain"].mean for row in board.rows}
+    assert gains == pytest.approx({"block": -0.1, "own-experience": 0.0})
+
+
+def test_the_board_tells_which_searches_did_not_converge() -> None:
+    """A search has converged if the last doubling of its rounds lowered the skill by less than
+    0.01, and if its starts agree within 0.01."""
+    suite = ClosedLoopSuite.model_validate({**quick().model_dump(), "methods": ("search",)})
+    stored = []
+    for model, last in (("block", 0.495), ("mean", 0.2)):
+        rows = []
+        for start, skill in enumerate((last, last + 0.05)):
+            measured = {name: [last] * suite.worlds.measured for name in received.SCORES}
+            scores = {"skill": [skill] * suite.worlds.selection}
+            progress = ((100, 0.5), (200, skill))
+            rows.append(
+                AttackResult(
+                    f"search {start + 1}",
+                    "",
+                    200,
+                    scores,
+                    {} if start else measured,
+                    progress=progress,
+                )
+            )
+        stored.append((Cell(model, "common", "raters", "search"), CellResult(tuple(rows), 0.0)))
+    sentence = ClosedLoopBoard.of(suite, stored).convergence
+    assert "1 of 2 searches" in sentence
+    assert "0 of 2." in sentence
