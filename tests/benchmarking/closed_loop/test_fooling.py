@@ -97,15 +97,15 @@ def test_consumers_that_always_explore_have_the_skill_0(model: str) -> None:
     "model", ["first-hand", "block", "block-forgiving", "agreed-once", "vial", "peer-trust"]
 )
 def test_one_consumer_alone_chooses_as_the_solo_model(model: str) -> None:
-    """A model that falls back on own experience has no advantage without other raters, although
-    half of the reports are lost."""
+    """A model that falls back on own experience has no advantage without other raters, and it
+    remembers services whose reports are lost."""
     agents = [
         {"role": "SR", "count": 1, "noise": 0.1},
         {"role": "SP", "count": 8, "ability": [0.0, 1.0]},
     ]
-    suite = suite_with(agents=agents, ratings={"lost": 0.5})
     skill, own = (
-        scores_of(suite, name, "clean", HONEST)["skill"] for name in (model, "own-experience")
+        scores_of(suite_with(agents=agents, ratings={"lost": lost}), name, "clean", HONEST)["skill"]
+        for name, lost in ((model, 0.5), ("own-experience", 0.0))
     )
     assert np.array_equal(skill, own)
     assert own.min() > 0.2
@@ -148,7 +148,7 @@ def test_the_board_tells_which_searches_did_not_converge() -> None:
     0.01, and if its starts agree within 0.01."""
     suite = ClosedLoopSuite.model_validate({**quick().model_dump(), "methods": ("search",)})
     stored = []
-    for model, last in (("block", 0.495), ("mean", 0.2)):
+    for model, last in (("block", 0.495), ("mean", 0.2), ("first-hand", 0.498)):
         rows = []
         for start, skill in enumerate((last, last + 0.05)):
             measured = {name: [last] * suite.worlds.measured for name in received.SCORES}
@@ -166,5 +166,5 @@ def test_the_board_tells_which_searches_did_not_converge() -> None:
             )
         stored.append((Cell(model, "common", "raters", "search"), CellResult(tuple(rows), 0.0)))
     sentence = ClosedLoopBoard.of(suite, stored).convergence
-    assert "1 of 2 searches" in sentence
-    assert "0 of 2." in sentence
+    assert "2 of 3 searches" in sentence
+    assert "0 of 3." in sentence
