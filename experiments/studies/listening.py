@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from roletrust_env.benchmarking.closed_loop.cells import play_cell
-from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite, Setting
+from roletrust_env.benchmarking.pool import play_safely
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.markdown import markdown_table
@@ -56,16 +55,16 @@ RECIPES = {
 }
 
 Runs = Mapping[str, Run]
-"""Scores in each measured world, by the key of the cell."""
+"""Scores in each measured world, by trust model and setting, see `key_of`."""
 
 
 def main(study: Study[Options]) -> None:
-    """Play all cells, and write the tables and the figure."""
+    """Play all trust models in all settings, and write the tables and the figure."""
     options = study.options
-    jobs = {cell.key: (options, study.seed, cell) for cell in cells()}
+    jobs = {key_of(*pair): (options, study.seed, *pair) for pair in pairs()}
     runs = study.play(measured, jobs, {**options._asdict()})
     if lacking := [key for key in jobs if key not in runs]:
-        raise ValueError(f"{len(lacking)} of {len(jobs)} cells failed, the first is {lacking[0]}")
+        raise ValueError(f"{len(lacking)} of {len(jobs)} runs failed, the first is {lacking[0]}")
     study.csv(
         "liars.csv",
         ["model", "share", *with_ends(("skill", "gain")), "attack"],
@@ -73,7 +72,7 @@ def main(study: Study[Options]) -> None:
             (
                 *(model, share),
                 *(x for part in (skill, gain) for x in part(runs, model, liars(share)).interval),
-                runs[cell_of(model, liars(share)).key]["attack"],
+                runs[key_of(model, liars(share))]["attack"],
             )
             for model in MODELS
             for share in LIARS
@@ -82,7 +81,7 @@ def main(study: Study[Options]) -> None:
     study.csv(
         "break_even.csv",
         ["model", "share"],
-        [(model, break_even(gains_of(runs, model))) for model in MODELS[1:]],
+        [(model, break_even(gains_of(runs, model), LIARS)) for model in MODELS[1:]],
     )
     study.csv(
         "silent.csv",
@@ -113,65 +112,66 @@ def silent(share: float) -> str:
     return f"silent-{round(100 * share)}" if share else "clean"
 
 
-def cell_of(model: str, setting: str) -> Cell:
-    """Return the cell of a trust model in a setting."""
-    return Cell(model, "common", setting, "scripts" if setting.startswith("raters") else "honest")
+def key_of(model: str, setting: str) -> str:
+    """Return the key of the run of a trust model in a setting."""
+    return f"{model} {setting}"
 
 
-def cells() -> list[Cell]:
-    """Return all cells."""
-    found = [cell_of(model, liars(share)) for model in MODELS for share in LIARS]
-    found += [cell_of(model, silent(share)) for model in RIDDEN for share in SILENT]
+def pairs() -> list[tuple[str, str]]:
+    """Return the trust models with the settings in which they are played."""
+    found = [(model, liars(share)) for model in MODELS for share in LIARS]
+    found += [(model, silent(share)) for model in RIDDEN for share in SILENT]
     return list(dict.fromkeys(found))
 
 
 @cache
-def suite_of(options: Options, seed: int) -> ClosedLoopSuite:
+def suite_of(options: Options, seed: int) -> Any:
     """Return the suite `standard` with the settings of this study."""
-    standard = load_suite("standard")
-    assert isinstance(standard, ClosedLoopSuite)
-    settings = {"clean": Setting(reports="open")}
+    standard: Any = load_suite("standard")
+    settings: dict[str, dict[str, Any]] = {"clean": {}}
     for share in LIARS[1:]:
-        settings[liars(share)] = Setting(roles=("SR",), share=share, reports="open")
+        settings[liars(share)] = {"roles": ["SR"], "share": share}
     for share in SILENT[1:]:
-        settings[silent(share)] = Setting(silent=share, reports="open")
+        settings[silent(share)] = {"silent": share}
     worlds = {"seed": seed, "selection": options.selection, "measured": options.measured}
-    fields = {
-        **standard.model_dump(),
+    changes = {
         "models": MODELS,
         "own": (),
         "methods": ("scripts",),
         "replayed": (),
-        "settings": {name: setting.model_dump() for name, setting in settings.items()},
+        "settings": {name: {**fields, "reports": "open"} for name, fields in settings.items()},
         "worlds": {**standard.worlds.model_dump(), **worlds},
         "games": options.games,
         "selection_games": options.selection_games,
     }
-    return ClosedLoopSuite.model_validate(fields)
+    return type(standard).model_validate({**standard.model_dump(), **changes})
 
 
-def measured(options: Options, seed: int, cell: Cell) -> Run:
-    """Return the scores of the worst attack of a cell in each measured world.
+def measured(options: Options, seed: int, model: str, setting: str) -> Run:
+    """Return the scores under the worst attack on a trust model, in each measured world.
 
     `quiet` is the share of the consumers that send no reports.
+
+    Raises:
+        ValueError: An attack or the trust model fails.
     """
     suite = suite_of(options, seed)
-    result = play_cell(suite, cell)
+    (cell,) = (cell for cell in suite.cells() if cell[:3] == (model, "common", setting))
+    result = play_safely(suite, cell)
     if result.failed:
         raise ValueError(result.failed)
     row = next(row for row in result.rows if row.measured)
     quiet = []
     for number in range(options.measured):
         world = suite.world(cell, "measured", number).scenario
-        names = suite.silent(cell, world)
-        quiet.append(len(names) / Roster.of(world).n_raters)
+        quiet.append(len(suite.silent(cell, world)) / Roster.of(world).n_raters)
     scores = {name: list(row.measured[name]) for name in ("skill", "silent_skill")}
     return {"attack": row.attack, "quiet": quiet, **scores}
 
 
 def skill(runs: Runs, model: str, setting: str) -> Estimate:
     """Return the mean skill of the honest consumers in the worst case."""
-    return mean_of(runs[cell_of(model, setting).key]["skill"])
+    return mean_of(runs[key_of(model, setting)]["skill"])
 
 
 def gain(runs: Runs, model: str, setting: str) -> Estimate:
@@ -185,7 +185,7 @@ def gains_of(runs: Runs, model: str) -> list[float]:
     return [gain(runs, model, liars(share)).mean for share in LIARS]
 
 
-def break_even(gains: Sequence[float], shares: Sequence[float] = LIARS) -> float:
+def break_even(gains: Sequence[float], shares: Sequence[float]) -> float:
     """Return the share at which the gain becomes negative, by linear interpolation.
 
     The share is NaN if the gain is never negative, and the first share if it always is.
@@ -208,7 +208,7 @@ def silent_row(runs: Runs, model: str, share: float) -> tuple[Estimate, ...]:
     advantage: their skill less that of the consumers that report.
     """
     setting = silent(share)
-    run = runs[cell_of(model, setting).key]
+    run = runs[key_of(model, setting)]
     everyone, quiet = np.array(run["skill"]), np.array(run["quiet"])
     alone = np.array(run["silent_skill"], float)
     # All consumers have the same yardsticks, so that the skill of all is a weighted mean.
@@ -246,7 +246,7 @@ def liars_table(runs: Runs) -> str:
         [
             f"`{model}`",
             *(plus_minus(gain(runs, model, liars(share))) for share in LIARS),
-            _percent(break_even(gains_of(runs, model))),
+            _percent(break_even(gains_of(runs, model), LIARS)),
         ]
         for model in MODELS[1:]
     ]
@@ -268,7 +268,7 @@ def silent_table(runs: Runs) -> str:
 
 
 def _skills(runs: Runs, model: str, setting: str) -> np.ndarray[Any, Any]:
-    return np.array(runs[cell_of(model, setting).key]["skill"], float)
+    return np.array(runs[key_of(model, setting)]["skill"], float)
 
 
 def _percent(share: float) -> str:
