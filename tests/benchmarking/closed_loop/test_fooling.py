@@ -8,13 +8,15 @@ import pytest
 
 from roletrust_env.benchmarking.closed_loop.board import ClosedLoopBoard
 from roletrust_env.benchmarking.closed_loop.play import CellPlay
-from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite, Method, Rule
-from roletrust_env.benchmarking.schema import AttackResult, CellResult
+from roletrust_env.benchmarking.closed_loop.suite import Cell, ClosedLoopSuite, Method
+from roletrust_env.benchmarking.schema import AttackResult, CellResult, Numbers
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation import received
 from roletrust_env.evaluation.agreed import AgreedScripts
+from roletrust_env.game import consumer
 from roletrust_env.game.game import Game
 
+SOLO = {"common": "own-experience", "own": "own-experience"}
 HONEST = AgreedScripts()
 MILKING = AgreedScripts(("milking-ring",))
 
@@ -65,7 +67,7 @@ def test_an_offer_to_consumers_that_do_not_come_changes_no_score(
 
 def test_no_model_and_no_attack_moves_the_yardsticks(monkeypatch: pytest.MonkeyPatch) -> None:
     yardsticks: list[list[Any]] = []
-    receive = received.receive
+    receive = consumer.receive
 
     def recorded(*arguments: Any) -> Any:
         part = receive(*arguments)
@@ -111,24 +113,26 @@ def test_one_consumer_alone_chooses_as_the_solo_model(model: str) -> None:
     assert own.min() > 0.2
 
 
-def board_of(chosen: dict[str, dict[str, float]], rule: Rule = "common") -> ClosedLoopBoard:
-    """Return the leaderboard of the skill of each attack on each model, the same in all worlds."""
-    fields = {**quick().model_dump(), "models": tuple(chosen), "own": (), "solo": SOLO}
+def result_of(attack: str, skill: float, *, is_worst: bool, **fields: Any) -> AttackResult:
+    """Return the result of an attack with the same skill in all worlds."""
+    chosen: Numbers = [skill] * quick().worlds.selection
+    measured: Numbers = [skill] * quick().worlds.measured
+    scores = dict.fromkeys(received.SCORES, measured) if is_worst else {}
+    return AttackResult(attack, "", 0, {"skill": chosen}, scores, **fields)
+
+
+def board_of(
+    method: Method, results: dict[str, list[AttackResult]], **changes: Any
+) -> ClosedLoopBoard:
+    """Return the leaderboard of the results of some trust models in the setting `raters`."""
+    fields = {**quick().model_dump(), "models": tuple(results), "own": (), "solo": SOLO, **changes}
     fields["settings"] = {"raters": fields["settings"]["raters"]}
     suite = ClosedLoopSuite.model_validate(fields)
-    stored = []
-    for model, attacks in chosen.items():
-        worst = min(attacks.values())
-        rows = []
-        for attack, skill in attacks.items():
-            measured = {name: [skill] * suite.worlds.measured for name in received.SCORES}
-            scores = {"skill": [skill] * suite.worlds.selection}
-            rows.append(AttackResult(attack, "", 0, scores, measured if skill == worst else {}))
-        stored.append((Cell(model, rule, "raters", "scripts"), CellResult(tuple(rows), 0.0)))
+    stored = [
+        (Cell(model, "common", "raters", method), CellResult(tuple(rows), 0.0))
+        for model, rows in results.items()
+    ]
     return ClosedLoopBoard.of(suite, stored)
-
-
-SOLO = {"common": "own-experience", "own": "own-experience"}
 
 
 def test_an_attack_that_ruins_the_solo_model_more_gives_no_gain() -> None:
@@ -138,33 +142,27 @@ def test_an_attack_that_ruins_the_solo_model_more_gives_no_gain() -> None:
         "block": {"milking": 0.4, "lies": 0.0},
         "own-experience": {"milking": 0.1, "lies": 0.6},
     }
-    board = board_of(skills)
-    gains = {row.model: row.estimates["gain"].mean for row in board.rows}
+    results = {
+        model: [
+            result_of(attack, skill, is_worst=skill == min(attacks.values()))
+            for attack, skill in attacks.items()
+        ]
+        for model, attacks in skills.items()
+    }
+    gains = {row.model: row.estimates["gain"].mean for row in board_of("scripts", results).rows}
     assert gains == pytest.approx({"block": -0.1, "own-experience": 0.0})
 
 
 def test_the_board_tells_which_searches_did_not_converge() -> None:
     """A search has converged if the last doubling of its rounds lowered the skill by less than
     0.01, and if its starts agree within 0.01."""
-    suite = ClosedLoopSuite.model_validate({**quick().model_dump(), "methods": ("search",)})
-    stored = []
-    for model, last in (("block", 0.495), ("mean", 0.2), ("first-hand", 0.498)):
-        rows = []
-        for start, skill in enumerate((last, last + 0.05)):
-            measured = {name: [last] * suite.worlds.measured for name in received.SCORES}
-            scores = {"skill": [skill] * suite.worlds.selection}
-            progress = ((100, 0.5), (200, skill))
-            rows.append(
-                AttackResult(
-                    f"search {start + 1}",
-                    "",
-                    200,
-                    scores,
-                    {} if start else measured,
-                    progress=progress,
-                )
-            )
-        stored.append((Cell(model, "common", "raters", "search"), CellResult(tuple(rows), 0.0)))
-    sentence = ClosedLoopBoard.of(suite, stored).convergence
+    results = {
+        model: [
+            result_of("search 1", last, is_worst=True, progress=((100, 0.5), (200, last))),
+            result_of("search 2", last + 0.05, is_worst=False, progress=((100, 0.5), (200, 0.5))),
+        ]
+        for model, last in (("block", 0.495), ("mean", 0.2), ("first-hand", 0.498))
+    }
+    sentence = board_of("search", results, methods=("search",)).convergence
     assert "2 of 3 searches" in sentence
     assert "0 of 3." in sentence
