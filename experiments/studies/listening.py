@@ -2,7 +2,7 @@
 the share of free riders that send no reports.
 
 Plays the worlds of the suite `standard` under scripted attacks with default parameters. Takes about
-15 minutes of a core.
+20 minutes of a core.
 """
 
 from collections.abc import Mapping, Sequence
