@@ -74,6 +74,8 @@ def find_attacks(play: CellPlay) -> Iterator[FoundAttack]:
             yield FoundAttack(name, attack, attack.describe(task))
     elif cell.method == "search":
         bases = pairs(suite, cell, play.task("selection", 0))
+        if not bases:
+            raise UnsuitableError("the suite has no attack for this setting")
         for start in range(suite.search.starts):
             yield search(play, bases, start)
     else:
@@ -99,6 +101,30 @@ def playable(suite: Suite, cell: Cell, task: AttackTask) -> list[str]:
         if any(policy.reserve for policy in policies) == identities:
             names.append(name)
     return names
+
+
+def check_attacks(suite: Suite) -> None:
+    """Check that each scripted attack of a suite can be played in some setting.
+
+    Raises:
+        ValueError: An attack cannot, such as one that was trained for another number of agents.
+    """
+    tasks = [
+        CellPlay(suite, Cell(suite.solo["common"], "common", name, "scripts")).task("selection", 0)
+        for name, setting in suite.settings.items()
+        if setting.roles
+    ]
+    for attack in suite.attacks:
+        reasons = list[str]()
+        for task in tasks:
+            try:
+                AgreedScripts((attack,)).policies(task)
+            except ValueError as error:
+                reasons.append(str(error))
+        if len(reasons) == len(tasks):
+            raise ValueError(
+                f"attack {attack} fits no setting of the suite {suite.name}: {reasons[-1]}"
+            )
 
 
 def pairs(suite: Suite, cell: Cell, task: AttackTask) -> list[tuple[str, ...]]:

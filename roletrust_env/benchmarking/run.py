@@ -7,6 +7,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
+from roletrust_env.benchmarking.cells import check_attacks
 from roletrust_env.benchmarking.entrants import Entrant, name_entrants, pack, temporary_registration
 from roletrust_env.benchmarking.entries import published_cells
 from roletrust_env.benchmarking.leaderboard import Leaderboard
@@ -124,6 +125,7 @@ def selected_suite(
     changes = {"methods": methods, "attacks": tuple(dict.fromkeys(attacks)) or suite.attacks}
     selected = selected.model_copy(update=changes)
     parse_kinds((*selected.attacks, *selected.usual.values()), selected.worlds.world("measured", 0))
+    check_attacks(selected)
     return selected
 
 

@@ -10,7 +10,7 @@ from small_suites import small
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.play import CellPlay
-from roletrust_env.benchmarking.run import InProcess, play_suite
+from roletrust_env.benchmarking.run import InProcess, play_suite, selected_suite
 from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.benchmarking.worlds import SPREAD, compromise, expected_spread
@@ -203,3 +203,18 @@ def test_agreed_scripts_survive_their_record() -> None:
 def test_wrong_suites_are_refused(change: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         small(**change)
+
+
+def test_an_attack_that_fits_no_setting_is_refused() -> None:
+    suite = small(settings={"clean": {}, "raters": {"roles": ["SR"], "share": 0.3}})
+    with pytest.raises(ValueError, match="on-off"):
+        selected_suite(suite, ["mean"], ["bad-mouthing", "on-off"])
+    fitting = selected_suite(suite, ["mean"], ["bad-mouthing"])
+    assert fitting.attacks == ("bad-mouthing",)
+
+
+def test_a_search_without_an_attack_for_the_setting_is_unsuitable() -> None:
+    suite = small(attacks=["bad-mouthing"])
+    result = play_cell(suite, Cell("mean", "common", "identities", "search"))
+    assert result.rows == ()
+    assert result.unsuitable
