@@ -31,6 +31,11 @@ _SEEDS: dict[Use, int] = {"selection": 0, "measured": 1}
 Floats = npt.NDArray[np.float64]
 
 
+def game_seed(suite: Suite, use: Use, number: int) -> tuple[int, ...]:
+    """Return the random seed of the games in a world, the same for all cells of a suite."""
+    return suite.worlds.seed, _SEEDS[use], number
+
+
 class Played(NamedTuple):
     """Scores of K attacks in the worlds of a use.
 
@@ -101,7 +106,7 @@ class CellPlay:
         for world in range(number):
             for places, players, identities in self._seated(use, world, attacks, games):
                 batch, scenario = (len(places), games), players.game.scenario
-                seed = self.suite.worlds.seed, _SEEDS[use], world
+                seed = game_seed(self.suite, use, world)
                 silent = self.suite.silent(self.cell, scenario)
                 played = measure_world(players, identities, seed, batch, silent)
                 for name, values in played.scores.items():

@@ -65,6 +65,14 @@ class AgreedScripts:
         """See `roletrust_env.evaluation.attackers.Attacker`."""
         return Scripted({}).act(task, state, memory, random)
 
+    def stacks_with(self, other: Attacker) -> bool:
+        """See `roletrust_env.evaluation.attackers.Stackable`."""
+        return isinstance(other, AgreedScripts)
+
+    def stack(self, task: AttackTask, others: Sequence["AgreedScripts"]) -> Scripted:
+        """See `roletrust_env.evaluation.attackers.Stackable`."""
+        return Scripted(side_by_side([attack.policies(task) for attack in (self, *others)]))
+
     def describe(self, task: AttackTask) -> str:
         """Return the attack in a few words."""
         return describe_attack(self.policies(task))
@@ -104,28 +112,21 @@ def seat(
     """
     groups: list[list[int]] = []
     for k, attack in enumerate(attacks):
-        fitting = (group for group in groups if _stack(attacks[group[0]], attack))
+        fitting = (
+            group
+            for group in groups
+            if len(group) < rows
+            and isinstance(first := attacks[group[0]], Stackable)
+            and first.stacks_with(attack)
+        )
         group = next(fitting, None)
-        if group is None or len(group) == rows:
+        if group is None:
             groups.append([k])
         else:
             group.append(k)
     for group in groups:
-        yield group, _together(task, [attacks[k] for k in group])
-
-
-def _stack(first: Attacker, other: Attacker) -> bool:
-    if isinstance(first, AgreedScripts):
-        return isinstance(other, AgreedScripts)
-    return isinstance(first, Stackable) and first.stacks_with(other)
-
-
-def _together(task: AttackTask, attacks: Sequence[Attacker]) -> Attacker:
-    first, *others = attacks
-    scripts = [attack for attack in attacks if isinstance(attack, AgreedScripts)]
-    if scripts:
-        return Scripted(side_by_side([attack.policies(task) for attack in scripts]))
-    return first.stack(others) if isinstance(first, Stackable) and others else first
+        first, *others = [attacks[k] for k in group]
+        yield group, first.stack(task, others) if isinstance(first, Stackable) else first
 
 
 def with_missing_roles(task: AttackTask, attack: str, usual: Mapping[Any, str]) -> tuple[str, ...]:

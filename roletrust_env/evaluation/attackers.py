@@ -10,7 +10,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -183,13 +183,10 @@ class Stackable(Attacker, Protocol):
     def stacks_with(self, other: Attacker) -> bool:
         """Return whether both can play side by side."""
 
-    def stack(self, others: Sequence[Any]) -> Self:
-        """Return K attackers side by side for a batch of games of shape (K, G): this one, and
-        others.
+    def stack(self, task: AttackTask, others: Sequence[Any]) -> Attacker:
+        """Return K attackers side by side in a task, for a batch of games of shape (K, G): this
+        one, and others, of which there may be none.
         """
-
-    def row(self, k: int) -> Self:
-        """Return the k-th of K attackers side by side."""
 
 
 @dataclass(frozen=True, eq=False)

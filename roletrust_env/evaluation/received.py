@@ -4,14 +4,14 @@ See `roletrust_env.game.consumer.receive`: choices have consequences, and the ya
 nothing that a trust model or an attacker does.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.game.consumer import receive
-from roletrust_env.game.rollout import Players, rollout
+from roletrust_env.game.rollout import Players, Round, rollout
 from roletrust_env.metrics.score import ratio
 from roletrust_env.shapes import Shape
 from roletrust_env.world.scenario import Choice
@@ -83,6 +83,15 @@ class WorldScores(NamedTuple):
     regret_by_round: Annotated[Floats, Shape("T K")]
 
 
+def world_rounds(
+    players: Players, seed: tuple[int, ...], batch: tuple[int, int]
+) -> Iterator[Round]:
+    """Yield the rounds that `measure_world` plays. Arguments as there."""
+    noise, chance = np.random.SeedSequence(seed).generate_state(2)
+    sources = players.game.random(int(noise)), players.game.random(int(chance))
+    return rollout(players, *sources, batch[1:], rows=batch[0])
+
+
 def measure_world(
     players: Players,
     identities: Sequence[str],
@@ -113,10 +122,7 @@ def measure_world(
     gained, possible = np.zeros((2, batch[0])), np.zeros((2, batch[0]))
     services, from_bad, earned, squares = np.zeros((4, batch[0]))
     by_round = []
-    noise, chance = np.random.SeedSequence(seed).generate_state(2)
-    sources = game.random(int(noise)), game.random(int(chance))
-    rounds = rollout(players, *sources, batch[1:], rows=batch[0])
-    for before, actions, state, _, weight in rounds:
+    for before, actions, state, _, weight in world_rounds(players, seed, batch):
         offered = game.offered(before, actions, state)
         able = before.properties.ability
         ability = np.ones(state.quality.shape) if able is None else able

@@ -87,14 +87,12 @@ class CoalitionAttacker:
         """See `roletrust_env.evaluation.attackers.Stackable`."""
         return type(other) is type(self) and other.network.architecture == self.network.architecture
 
-    def stack(self, others: Sequence[Self]) -> Self:
+    def stack(self, task: AttackTask, others: Sequence[Self]) -> Self:
         """See `roletrust_env.evaluation.attackers.Stackable`."""
+        if not others:
+            return self
         weights = np.stack([attacker.network.flatten() for attacker in (self, *others)])
         return type(self)(DeepSet.unflatten(self.network.architecture, weights))
-
-    def row(self, k: int) -> Self:
-        """See `roletrust_env.evaluation.attackers.Stackable`."""
-        return type(self)(DeepSet.unflatten(self.network.architecture, self.network.flatten()[k]))
 
     def record(self) -> dict[str, Any]:
         """Return the kind and the weights. See `roletrust_env.evaluation.attackers.Recordable`."""

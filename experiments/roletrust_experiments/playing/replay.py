@@ -8,13 +8,14 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmarking.play import CellPlay
+from roletrust_env.benchmarking.play import CellPlay, game_seed
 from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.evaluation.agreed import AgreedScripts, seat
 from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker
+from roletrust_env.evaluation.received import world_rounds
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.consumer import receive
-from roletrust_env.game.rollout import Round, rollout
+from roletrust_env.game.rollout import Round
 from roletrust_env.game.state import State, one_game
 from roletrust_env.metrics.score import mean_or_nan, ratio
 from roletrust_env.world.scenario import Choice
@@ -88,7 +89,7 @@ class Replay(NamedTuple):
             ValueError: The trust model or the attack fails.
         """
         task = CellPlay(suite, cell).task("measured", world)
-        seed, games = (suite.worlds.seed, 1, world), suite.games  # the seed of measured worlds
+        seed, games = game_seed(suite, "measured", world), suite.games
         courses = []
         for each in (attack, AgreedScripts()):
             ((_, attacker),) = seat(task, [each], 1)
@@ -106,9 +107,7 @@ def _rounds(
     task: AttackTask, attacker: Attacker, seed: tuple[int, ...], games: int
 ) -> Iterator[Round]:
     """Play games with the random numbers of `measure_world`."""
-    noise, chance = (int(x) for x in np.random.SeedSequence(seed).generate_state(2))
-    sources = task.game.random(noise), task.game.random(chance)
-    return rollout(AttackedPlayers(task, attacker), *sources, (games,), rows=1)
+    return world_rounds(AttackedPlayers(task, attacker), seed, (1, games))
 
 
 def _course(task: AttackTask, rounds: Iterator[Round]) -> Course:
