@@ -135,7 +135,9 @@ def reproduction_command(suite: AnySuite, path: Path) -> str:
     options += ["--worlds", seed] if seed else []
     names = list(suite.models) if isinstance(suite, Suite) else []
     if isinstance(suite, LearnersSuite):
-        options += [part for learner in suite.learners for part in ("--learner", learner)]
+        bundled = load_suite(name) if name in _names() else suite
+        if getattr(bundled, "learners", None) != suite.learners:
+            options += [part for learner in suite.learners for part in ("--learner", learner)]
     elif "search" in suite.methods:
         options.append("--search")
     return shlex.join(["roletrust", "benchmark", *names, *options, "--out", str(path.parent)])

@@ -26,13 +26,6 @@ def report(
             help="Folder with the pages of the trust models, to which it then links.",
         ),
     ] = "",
-    logs: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="comparison.csv",
-            help="Results of `roletrust rate --compare`, which add a column.",
-        ),
-    ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     out: Out = Path("results/report"),
 ) -> None:
@@ -51,7 +44,7 @@ def report(
     [bold]Examples[/]
 
     [dim]# play the quick suite, and show it[/]
-    [cyan]roletrust benchmark --out results/quick[/]
+    [cyan]roletrust benchmark mean block --suite quick --out results/quick[/]
     [cyan]roletrust report results/quick/results.sqlite --out results/quick/report[/]
 
     [dim]# models and learners on one page[/]
@@ -61,8 +54,6 @@ def report(
     require(
         "the report", "train", "scipy", "cma", "jinja2"
     )  # to read a suite of the benchmark, and for the page
-    from roletrust_env.benchmarking.real_logs import read_replays
-
     from roletrust_env.errors import check_unicode
     from roletrust_experiments.report.content import read
     from roletrust_experiments.report.figures import write_figures
@@ -71,7 +62,7 @@ def report(
     paths = results or [Path("results/benchmark/results.sqlite")]
     for path in paths:
         check_unicode("the path of the results", str(path))  # which the page shows
-    content = read(paths, allow_code=allow_code, real=read_replays(logs) if logs else None)
+    content = read(paths, allow_code=allow_code)
     prepare_folder(out)
     for name, table in content.tables.items():
         write_csv(
@@ -82,7 +73,7 @@ def report(
     drawn = write_figures(out, content, ".png", ".pdf")
     pictures = {name: (out / f"{name}.png").read_bytes() for name in drawn}
     code = ["--allow-code"] if allow_code else []
-    linked = [*(["--pages", pages] if pages else []), *(["--logs", str(logs)] if logs else [])]
+    linked = [*(["--pages", pages] if pages else [])]
     command = shlex.join(
         ["roletrust", "report", *map(str, paths), *code, *linked, "--out", str(out)]
     )

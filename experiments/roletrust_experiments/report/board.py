@@ -1,7 +1,7 @@
 """Results of a suite of the closed loop as the page shows them."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -12,7 +12,7 @@ from roletrust_env.benchmarking.leaderboard import COLUMNS, Column, Leaderboard
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import RULES, Rule, Suite
 from roletrust_env.benchmarking.suite_files import reproduction_command
-from roletrust_env.metrics.confidence import Estimate, Interval, over_seeds
+from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.files import write_text
 
@@ -59,7 +59,6 @@ class TrustModels(NamedTuple):
         command: Command that plays the suite.
         path: Path of the file.
         failed: Error messages of cells.
-        real: What trust models keep in replays of real logs.
     """
 
     board: Leaderboard
@@ -67,7 +66,6 @@ class TrustModels(NamedTuple):
     command: str
     path: Path
     failed: list[str]
-    real: Mapping[str, Interval]
 
     @classmethod
     def of(
@@ -76,7 +74,6 @@ class TrustModels(NamedTuple):
         stored: Sequence[StoredCell],
         software: dict[str, Any],
         path: Path,
-        real: Mapping[str, Interval] | None = None,
     ) -> Self:
         """Return the results of a run. Arguments as for `roletrust_experiments.report.content.read`
         and `Learners.of`.
@@ -88,7 +85,7 @@ class TrustModels(NamedTuple):
         if not any(row.worst_attack for row in board.rows):
             raise ValueError(f"{path} has no attack that was played; continue the benchmark first")
         failed = [f"{cell.key}: {result.failed}" for cell, result in stored if result.failed]
-        return cls(board, software, reproduction_command(suite, path), path, failed, real or {})
+        return cls(board, software, reproduction_command(suite, path), path, failed)
 
     @property
     def suite(self) -> Suite:

@@ -1,6 +1,6 @@
 """Content of a report: a benchmark of trust models, of learners, or both."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -133,15 +133,12 @@ class Content(NamedTuple):
         return {name: table for part in self.parts for name, table in part.tables.items()}
 
 
-def read(
-    paths: Iterable[Path], *, allow_code: bool = False, real: Mapping[str, Interval] | None = None
-) -> Content:
+def read(paths: Iterable[Path], *, allow_code: bool = False) -> Content:
     """Return the content of the files of runs.
 
     Args:
         paths: Paths of the files.
         allow_code: True if they may name trust models that are not installed.
-        real: What trust models keep in replays of real logs.
 
     Raises:
         ValueError: A file cannot be read, is empty or names an uninstalled model, or two files have
@@ -162,7 +159,7 @@ def read(
         elif isinstance(suite, Suite):
             if not allow_code:
                 check_installed(trust_models, suite.model_names)
-            content = content._replace(models=TrustModels.of(suite, stored, software, path, real))
+            content = content._replace(models=TrustModels.of(suite, stored, software, path))
         else:
             raise ValueError(f"{path} is of a suite for {suite.kind}, which has no report")
     return content

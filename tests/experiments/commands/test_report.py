@@ -84,7 +84,8 @@ def test_the_page_needs_nothing_from_outside_and_escapes_text(folder: Path) -> N
     assert "<script>alert" not in page
     both = f"{folder / 'results.sqlite'} {folder / 'learners.sqlite'}"
     assert page.count(f"<code>roletrust report {both} --out {folder / 'out'}</code>") == 5
-    assert page.count(f"<code>roletrust benchmark --suite small.toml --out {folder}</code>") == 3
+    command = f"roletrust benchmark mean block --suite small.toml --out {folder}"
+    assert page.count(f"<code>{command}</code>") == 3
     assert page.count(f"<code>roletrust benchmark --suite large.toml --out {folder}</code>") == 2
 
 
@@ -128,15 +129,6 @@ def test_a_failed_cell_is_a_warning_and_the_others_count(folder: Path, tmp_path:
     assert (row["model"], row["rule"]) == failed.cell[:2]
 
 
-def test_replays_of_logs_have_a_column(tmp_path: Path) -> None:
-    rows = ["log,sha256,round,protocol,model,measure,value,low,high"]
-    rows += [f'otc,ab,9,attack,mean,"{goal}, 3 new",0.25,0.2,0.3' for goal in ("sink", "lift")]
-    (tmp_path / "comparison.csv").write_text("\n".join(rows) + "\n")
-    page = _page_of(small_suite(), tmp_path, "--logs", str(tmp_path / "comparison.csv"))
-    assert '<td data-value="0.5">0.500<span class="half"> 0.45 to 0.55</span></td>' in page
-    assert "--logs" in page
-
-
 def test_every_file_that_the_page_links_to_is_there(folder: Path) -> None:
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     links = set(re.findall(r'href="([^#"]+\.\w+)"', page))
@@ -155,7 +147,7 @@ def test_learners_alone_have_a_page(folder: Path, tmp_path: Path) -> None:
 
 def test_the_leaderboard_in_markdown_has_the_numbers_of_the_other(folder: Path) -> None:
     text = (folder / "out" / "leaderboard.md").read_text(encoding="utf-8")
-    assert f"`roletrust benchmark --suite small.toml --out {folder}`" in text
+    assert f"`roletrust benchmark mean block --suite small.toml --out {folder}`" in text
     found = list(csv.reader(re.findall(r"^\| +\d.*\|$", text, re.M), delimiter="|"))
     for line, row in zip(found, lines(folder, "leaderboard"), strict=True):
         _, tier, rank, model, *numbers, _ = (cell.strip() for cell in line)
