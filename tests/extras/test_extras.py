@@ -15,17 +15,17 @@ from fresh_environments import COMMANDS, HELPS, HOUSE, PACKAGES, Environment
 pytestmark = pytest.mark.extras
 
 TINY = """
+extends = "quick"
 models = ["mean", "role-trust"]
 attacks = ["bad-mouthing"]
-methods = ["scripted"]
-games = 2
-[scenarios.market]
-preset = "market"
-set = { max_cycles = 6 }
-[tracks.honest]
-[tracks.raters]
+own = []
+solo = { common = "mean", own = "mean" }
+games = 1
+selection_games = 1
+[settings.clean]
+[settings.raters]
 roles = ["SR"]
-shares = [0.3]
+share = 0.3
 """
 SHORT = ("--set", "max_cycles=8")
 ZOO = HOUSE / "agents" / "roletrust_agents" / "zoo" / "provider-3x3"
@@ -93,7 +93,7 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
         ("live", ["live", "keys", "keys"]),
         ("mcp", ["mcp", "http://127.0.0.1:9", "--name", "ann", "--keys", "keys"]),
         ("serve", ["serve", "mean", "--store", "trust.sqlite"]),
-        ("train", ["benchmark", "--dry-run"]),
+        ("train", ["benchmark", "mean", "--dry-run"]),
         ("train", ["report", "results.sqlite"]),
     ):
         assert f"pip install 'roletrust-env[{needed}]'" in cli.refused(*arguments)
@@ -212,26 +212,27 @@ print(env.step(env.action_space.sample())[1] > 0)
 def benchmark_and_report(alone: Environment) -> None:
     (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
     assert "pip install 'roletrust-env[ray]'" in alone.refused(
-        "benchmark", "--suite", "tiny.toml", "--ray", "auto"
+        "benchmark", "all", "--suite", "tiny.toml", "--ray", "auto"
     )
-    alone.roletrust("benchmark", "--suite", "tiny.toml", "--workers", 1, "--out", "played")
+    alone.roletrust("benchmark", "all", "--suite", "tiny.toml", "--workers", 1, "--out", "played")
     assert "Examples" in alone.roletrust("report", "--help")
     assert "report.html" in alone.roletrust("report", "played/results.sqlite", "--out", "page")
     page = (alone.folder / "page" / "report.html").read_text(encoding="utf-8")
-    assert "roletrust benchmark --suite tiny.toml --out played" in page
+    assert "roletrust benchmark mean role-trust --suite tiny.toml --out played" in page
     assert (alone.folder / "page" / "leaderboard.md").stat().st_size
 
 
 def test_ray_and_data(fresh: Callable[..., Environment]) -> None:
     lines = """
-from roletrust_env.benchmarking import Suite, benchmark
-tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
-market = {"preset": "market", "set": {"max_cycles": 5}}
-suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, methods=["scripted"], games=2)
-print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=False).to_pandas()["worst_attack"][0])
-"""  # noqa: E501
+from roletrust_env.benchmarking import benchmark, load_suite
+quick = load_suite("quick")
+worlds = quick.worlds.model_copy(update={"selection": 1, "measured": 2})
+suite = quick.model_copy(update={"worlds": worlds, "games": 1, "selection_games": 1})
+frame = benchmark("mean", suite, workers=0, progress=False).to_pandas()
+print(set(frame["missing"]))
+"""
     alone = fresh("ray,data")
-    assert alone.python(lines) == "bad-mouthing\n"
+    assert alone.python(lines) == "{0}\n"
     (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
     address = f"127.0.0.1:{20_000 + os.getpid() % 10_000}"
     options = [
@@ -253,6 +254,7 @@ print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=Fal
         played = (
             "roletrust",
             "benchmark",
+            "all",
             "--suite",
             "tiny.toml",
             "--ray",
@@ -268,7 +270,7 @@ print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=Fal
     finally:
         os.killpg(head.pid, signal.SIGTERM)
         head.wait(timeout=60)
-    alone.roletrust("benchmark", "--suite", "tiny.toml", "--out", "here")
+    alone.roletrust("benchmark", "all", "--suite", "tiny.toml", "--out", "here")
     there, here = (
         (alone.folder / name / "leaderboard.csv").read_bytes() for name in ("there", "here")
     )

@@ -195,7 +195,7 @@ def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCel
 def _show(suite: Suite, cells: Sequence[StoredCell], out: Path | None = None) -> None:
     """Print the leaderboard with the published models, and write it to a folder."""
     board = placed(suite, cells)
-    if not board.rows:
+    if all(row.missing for row in board.rows) and not cells:
         raise ValueError(f"suite {suite.name} has no published models; name those to play")
     console.print(escape(repr(board)), soft_wrap=True)
     if "search" not in suite.methods:
