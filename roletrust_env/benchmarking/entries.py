@@ -269,8 +269,7 @@ def check_entry(entry: Entry, suite: Suite) -> list[Check]:
     here = model_source(entry.model)
     message = f"{here.made_by}, hash {here.sha256:.8}"
     checks.append(Check("source", here.sha256 == entry.source.sha256, message))
-    own = entry.software.model_dump() == software() and entry.processor == processor()
-    where = "as here" if own else "others than here: scores may differ by noise"
+    where = "as here" if _as_here(entry) else "others than here: scores may differ by noise"
     checks.append(Check("software and processor", True, where))
     stored = entry.stored()
     wanted = {cell.key for cell in suite.cells() if cell.model == entry.model}
@@ -326,10 +325,10 @@ def replay_entry(entry: Entry, suite: Suite, cells: Sequence[Cell], pool: Pool) 
         pool: Processes that play the cells, with `records_of` the entry.
     """
     claimed = {cell.key: result for cell, result in entry.stored()}
-    checks = []
+    exact, checks = _as_here(entry), list[Check]()
     with closing(pool.play(suite, cells)) as playing:
         for cell, result in playing:
-            checks.append(_compared(cell, claimed[cell.key], result))
+            checks.append(_compared(cell, claimed[cell.key], result, exact))
     return checks
 
 
@@ -344,7 +343,12 @@ def records_of(entry: Entry) -> dict[AnyCell, dict[str, str]]:
     }
 
 
-def _compared(cell: Cell, claim: CellResult, here: CellResult) -> Check:
+def _as_here(entry: Entry) -> bool:
+    """Return whether the entry was played with the software and the processor of this machine."""
+    return entry.software.model_dump() == software() and entry.processor == processor()
+
+
+def _compared(cell: Cell, claim: CellResult, here: CellResult, exact: bool) -> Check:
     if here.failed:
         return Check(cell.key, False, f"failed here: {here.failed}")
     claims, again = ({row.attack: row for row in each.rows} for each in (claim, here))
@@ -360,7 +364,7 @@ def _compared(cell: Cell, claim: CellResult, here: CellResult) -> Check:
                 gap = np.array(values, float) - np.array(ours[score], float)
                 if not np.isnan(gap).all():
                     largest = max(largest, float(np.nanmax(abs(gap))))
-                if _significant(gap):
+                if _significant(gap) or (exact and largest > _ROUNDING):
                     means = f"{_mean(values):.4f}, here {_mean(ours[score]):.4f}"
                     return Check(cell.key, False, f"{name}, {score}: {means}")
     equal = largest <= _ROUNDING

@@ -51,8 +51,8 @@ _PART_FIELDS = {
 _GROUPS = "raters providers groups robots team roles consumers population sr sp"
 _PRESETS = "preset presets base extends inherit inherits parent template scenario set"
 _SUITES = (
-    "scenarios worlds tracks models attacks methods known shares budgets white_box limit_s "
-    "score places counted"
+    "worlds settings models own solo attacks usual methods replayed search reports "
+    "selection_games version limit_s"
 )
 _BESIDE = {
     "--model, or trust_model=... in Python": "model trust_model",
@@ -105,7 +105,7 @@ def give_hints(
     )
     own |= dict.fromkeys(
         _PRESETS.split(),
-        "a scenario is whole, and 'preset' and 'set' are of the scenarios in a suite. To change a "
+        "a scenario is whole, and 'preset' and 'set' are of the worlds in a suite. To change a "
         "preset, write "
         "--set FIELD=VALUE behind its name, or make_scenario(NAME).change(FIELD=VALUE) in Python.",
     )

@@ -133,7 +133,7 @@ GROUPS = ("agents", "role", "count")
         ("preset", PRESET),
         ("base", PRESET),
         ("extends", PRESET),
-        ("scenarios", ("--suite FILE",)),
+        ("settings", ("--suite FILE",)),
         ("trust_model", ("--model", "trust_model=")),
         ("seed", ("--seed",)),
         ("Rounds", ("max_cycles",)),
