@@ -1,4 +1,4 @@
-"""The two halves of the games: one chooses the worst case, the other measures it."""
+"""Scores of games: their random numbers, and the weights of their rounds."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,6 @@ from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import (
     HELD_OUT,
     SEARCHED,
-    SplitScores,
     judged_rollout,
     mean_rewards,
     random_sources,
@@ -18,19 +17,7 @@ from roletrust_env.evaluation.measurement import (
     watch,
     watch_honest,
 )
-from roletrust_env.game.consumer import Bought
 from roletrust_env.game.make_task import make_task
-
-
-def test_the_first_half_of_the_games_chooses_and_the_second_measures() -> None:
-    scores = {"utility": np.array([[0.1, 0.2, 0.8, 0.9]])}
-    got = np.array([[[0.0, 0.0, 0.5, 0.25]]])  # one round, one attack, four games
-    measured = SplitScores.halves(
-        scores, Bought(got, np.ones_like(got), np.ones_like(got)), np.zeros(len(got), bool)
-    )
-    assert measured.chosen["utility"].tolist() == [[0.1, 0.2]]
-    assert measured.measured["utility"].tolist() == [[0.8, 0.9]]
-    assert measured.by_round.tolist() == [[0.375]]
 
 
 def test_games_that_measure_are_none_of_those_that_search() -> None:
