@@ -225,7 +225,7 @@ def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
         time.sleep(0.2)
         try:
             with ResultStore(path) as store:
-                if len(store.finished_keys()) == 4:
+                if len(store.finished_keys()) >= 2:
                     break
         except ValueError:
             continue

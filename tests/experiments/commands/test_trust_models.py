@@ -7,7 +7,8 @@ pytest.importorskip("sb3_contrib")
 from typer.testing import CliRunner
 
 from roletrust_agents.learned.saved import load_attacker
-from roletrust_env.trust import make_trust_model, trust_models
+from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.trust import trust_models
 from roletrust_experiments.cli import app
 
 TASK = ["RaterAttack", "--set", "max_cycles=4"]
@@ -30,4 +31,5 @@ def test_an_attacker_learns_against_it_and_is_saved_with_it(tmp_path, name):
     run("train", name, *LEARNER, "--steps", 8, "--out", tmp_path)
     attacker = load_attacker(tmp_path)
     assert attacker.card.trust_model.name == name
-    assert attacker.task().game.model == make_trust_model(name)
+    game = attacker.task().game
+    assert game.model == parse_trust_model(name, game.scenario)
