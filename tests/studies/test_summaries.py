@@ -2,17 +2,15 @@
 their pages."""
 
 import re
-from pathlib import Path
 
 import pytest
-from csv_files import csv_rows
 from report_run import random_cells
 
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.suite_files import load_suite
 from studies.study import DOCS
-from studies.summaries import PICTURES, STANDARD, board_row, figures
+from studies.summaries import PICTURES, STANDARD, figures
 
 PARTS = {"real": "real/real.md"}
 """Included tables."""
@@ -26,30 +24,9 @@ def board() -> Leaderboard:
     return Leaderboard.of(suite, random_cells(suite)[1:])
 
 
-@pytest.fixture(scope="module")
-def docs(board: Leaderboard, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder like `docs` with this leaderboard."""
-    here = tmp_path_factory.mktemp("docs")
-    for name in ("real", "model-costs.csv", "edge-costs.csv"):
-        (here / name).symlink_to(DOCS / name)
-    (here / STANDARD).parent.mkdir(parents=True)
-    board.to_csv(here / f"{STANDARD}.csv")
-    return here
-
-
-def test_rows_of_a_file_are_those_of_the_leaderboard(board: Leaderboard, docs: Path) -> None:
-    rows = [board_row(row) for row in csv_rows(docs / f"{STANDARD}.csv")]
-    for found, row in zip(rows, board.rows, strict=True):
-        assert found._replace(estimates={}) == row._replace(estimates={})
-        for name, estimate in row.estimates.items():
-            expected = pytest.approx(estimate[:2], abs=1e-6, nan_ok=True)
-            assert found.estimates[name][:2] == expected
-    assert [row.missing for row in rows].count(1) == 1
-
-
 @pytest.mark.slow
-def test_each_picture_shows_the_models_of_its_page(docs: Path, board: Leaderboard) -> None:
-    found = figures(docs)
+def test_each_picture_shows_the_models_of_its_page(board: Leaderboard) -> None:
+    found = figures(DOCS, board)
     assert set(found) == set(PICTURES)
     for name, figure in found.items():
         if name == STANDARD:
