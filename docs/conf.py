@@ -26,7 +26,7 @@ extensions = [
     "site_pages",
 ]
 # The report, the paper for JOSS, what a release needs, and tables that a page includes.
-exclude_patterns = ["_ext/**", "leaderboards/standard*", "paper.md", "release/**"]
+exclude_patterns = ["_ext/**", "leaderboards/standard*", "listening/*.md", "paper.md", "release/**"]
 for _page in _DOCS.glob("*.md"):
     exclude_patterns += re.findall(
         r"^```\{include\} (\w\S+)", _page.read_text(encoding="utf-8"), re.MULTILINE
