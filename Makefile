@@ -98,9 +98,11 @@ studies: setup
 docs/game.gif: setup
 	$(BIN)/python docs/_ext/moving_picture.py $@
 
-# The leaderboard: every model with searches, in hours; its entries, which the package carries, and its tables.
+# The leaderboard: every model with searches, in hours; its report, its entries, which the package carries, and its tables.
 benchmark: setup
 	$(BIN)/roletrust benchmark all --search --out $(OUT)/standard
+	$(BIN)/roletrust report $(OUT)/standard/results.sqlite --pages ../../reference/models \
+		--out docs/leaderboards/standard
 	$(BIN)/roletrust submit $(OUT)/standard/results.sqlite all --out roletrust_env/benchmarking/published
 	$(BIN)/python -m studies summaries --publish
 

@@ -118,7 +118,7 @@ class Entry(UntrustedModel):
             raise ValueError(f"{store.path} is of a suite for {suite.kind}; give one of models")
         if model not in suite.model_names:
             names = ", ".join(suite.model_names)
-            raise ValueError(f"{store.path} has no model {model!r}; it has {names}")
+            raise ValueError(f"{store.path} does not have a model {model!r}; it has {names}")
         stored = [(cell, result) for cell, result in store.all() if cell.model == model]
         done = {cell.key for cell, result in stored if not result.failed}
         wanted = [cell for cell in suite.cells() if cell.model == model]
@@ -204,7 +204,8 @@ def suite_hash(suite: Suite) -> str:
 
 def published(suite: Suite) -> tuple[Entry, ...]:
     """Return the published entries of a suite, those that the package carries."""
-    return tuple(entry for entry in _carried() if entry.suite_sha256 == suite_hash(suite))
+    digest = suite_hash(suite)
+    return tuple(entry for entry in _carried() if entry.suite_sha256 == digest)
 
 
 @cache

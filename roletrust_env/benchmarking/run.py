@@ -14,7 +14,7 @@ from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
 from roletrust_env.benchmarking.store import ResultStore, StoredCell
-from roletrust_env.benchmarking.suite import Suite, with_models
+from roletrust_env.benchmarking.suite import Suite, with_models, with_search, without_models
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite
 from roletrust_env.evaluation.specs import parse_kinds
 from roletrust_env.parameters import truth_value, whole_number
@@ -38,7 +38,7 @@ def benchmark(
     force: bool = False,
     progress: bool = True,
 ) -> Leaderboard:
-    """Attack trust models in the worlds of a suite, and rank them by the worst case beside the
+    """Attack trust models in the worlds of a suite, and rank them by the worst case next to the
     published models.
 
     Args:
@@ -48,7 +48,7 @@ def benchmark(
         suite: Name of a suite, path of a TOML file, or a `Suite`.
         attacks: Specs of scripted attacks that replace those of the suite, or one spec. Published
             models, which did not face them, are then left out.
-        search: Search for attacks, too, which takes hours instead of minutes.
+        search: Also search for attacks, which takes hours instead of minutes.
         workers: Number of processes. None means one for each core. With 0 the cells are played in
             this process.
         out: Folder of the results. A stopped run continues from there. None writes no files.
@@ -68,10 +68,11 @@ def benchmark(
         >>> suite = load_suite("quick")
         >>> small = suite.worlds.model_copy(update={"selection": 1, "measured": 2})
         >>> suite = suite.model_copy(update={"worlds": small, "games": 1, "selection_games": 1})
-        >>> board = benchmark("mean", suite, attacks=["bad-mouthing", "on-off", "sybil"], workers=0, progress=False)
+        >>> attacks = ["bad-mouthing", "on-off", "sybil"]
+        >>> board = benchmark("mean", suite, attacks=attacks, workers=0, progress=False)
         >>> sorted({row.model for row in board.rows})
         ['mean', 'own-experience', 'solo-threshold']
-    """  # noqa: E501
+    """
     if isinstance(attacks, str):
         attacks = [attacks]
     for name, chosen in (("models", models), ("attacks", attacks)):
@@ -80,15 +81,15 @@ def benchmark(
     workers = None if workers is None else whole_number("workers", workers)
     force, progress = truth_value("force", force), truth_value("progress", progress)
     chosen_suite = _of_models(suite)
+    if truth_value("search", search):
+        chosen_suite = with_search(chosen_suite)
     if models is None:
-        return Leaderboard.of(*published_cells(_without_models(chosen_suite)))
+        return placed(without_models(chosen_suite), [])
     everything = isinstance(models, str) and models == "all"
     given: list[Any] = list(models) if isinstance(models, list | tuple) else [models]
     names, instances = name_entrants(chosen_suite.models if everything else given)
     with temporary_registration(instances):
-        selected = selected_suite(
-            chosen_suite, names, attacks or (), search=truth_value("search", search)
-        )
+        selected = selected_suite(chosen_suite, names, attacks or ())
         pool: Pool = InProcess() if workers == 0 else LocalPool(workers, pack(instances))
         with ExitStack() as stack:
             listeners = _bar(stack, selected.name) if progress else {}
@@ -104,9 +105,7 @@ def placed(suite: Suite, cells: Sequence[StoredCell]) -> Leaderboard:
     return Leaderboard.of(with_published, [*cells, *more])
 
 
-def selected_suite(
-    suite: Suite, models: Sequence[str], attacks: Sequence[str] = (), *, search: bool = False
-) -> Suite:
+def selected_suite(suite: Suite, models: Sequence[str], attacks: Sequence[str] = ()) -> Suite:
     """Return the suite with other trust models and attacks, and check that all of them can be
     created.
 
@@ -115,15 +114,13 @@ def selected_suite(
         models: Specs of trust models that replace those of the suite.
         attacks: Specs of scripted attacks that replace those of the suite. Empty keeps the attacks
             of the suite.
-        search: Search for attacks, too.
 
     Raises:
         ValueError: A name is unknown, or a model or an attack cannot be created.
     """
     selected = with_models(suite, models)
-    methods = tuple(dict.fromkeys([*suite.methods, *(["search"] if search else [])]))
-    changes = {"methods": methods, "attacks": tuple(dict.fromkeys(attacks)) or suite.attacks}
-    selected = selected.model_copy(update=changes)
+    named = tuple(dict.fromkeys(attacks)) or suite.attacks
+    selected = selected.model_copy(update={"attacks": named})
     parse_kinds((*selected.attacks, *selected.usual.values()), selected.worlds.world("measured", 0))
     check_attacks(selected)
     return selected
@@ -195,10 +192,6 @@ def _of_models(suite: str | Path | Suite) -> Suite:
             f"{loaded.name}`"
         )
     return loaded
-
-
-def _without_models(suite: Suite) -> Suite:
-    return suite.model_copy(update={"models": (), "own": ()})
 
 
 def _bar(stack: ExitStack, name: str) -> dict[str, Any]:

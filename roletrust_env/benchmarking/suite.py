@@ -282,3 +282,13 @@ def with_models(suite: Suite, models: Sequence[str]) -> Suite:
     )
     own = [name for name in names if hasattr(parse_trust_model(name, example), "preference")]
     return suite.model_copy(update={"models": tuple(models), "own": tuple(own)})
+
+
+def with_search(suite: Suite) -> Suite:
+    """Return the suite with the way `search` besides its own ways to attack."""
+    return suite.model_copy(update={"methods": tuple(dict.fromkeys([*suite.methods, "search"]))})
+
+
+def without_models(suite: Suite) -> Suite:
+    """Return the suite without trust models, for those that are published."""
+    return suite.model_copy(update={"models": (), "own": ()})

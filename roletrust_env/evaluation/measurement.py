@@ -30,9 +30,6 @@ SEARCHED, HELD_OUT = 0, 1
 """The two kinds of random numbers: those of the games in a search, and those of the games that
 measure the result."""
 
-_UNEQUAL = 0.05
-"""Difference of treatment beyond which raters are not served alike; a network that serves all alike
-has tiny ones."""
 
 _ANYWHERE = 2_000_000
 """Pairs of agents in all games of a batch that fits into any memory."""
@@ -218,14 +215,11 @@ class GameRecord(NamedTuple):
         bought: Qualities that consumers got, times the weight of the round, shape (T - 1, K, G).
             The first round has no trust to go by.
         published: Qualities that consumers would have got by published trust, in the same way.
-        treats: Whether a provider served some honest rater better than another, by more than 0.05,
-            shape (K,).
     """
 
     trust: Floats
     bought: Bought
     published: Bought
-    treats: npt.NDArray[np.bool_]
 
 
 class GameScores(NamedTuple):
@@ -233,16 +227,12 @@ class GameScores(NamedTuple):
 
     Attributes:
         scores: Scores by the names of `MEASURED`, each of shape (K, G).
-        bought: Qualities that consumers got under the attacks.
         clean: Qualities that consumers got in the same games with everybody honest, once for all
             attacks.
-        treats: See `GameRecord`, shape (K,).
     """
 
     scores: Scores
-    bought: Bought
     clean: Bought
-    treats: npt.NDArray[np.bool_]
 
 
 def watch(
@@ -261,10 +251,6 @@ def watch(
             "max_cycles is 1; consumers choose by trust from the second round on, so it must be 2 "
             "or more"
         )
-    treats = np.zeros(batch[0], bool)
-    honest = [
-        place for place, name in enumerate(game.roster.rater_names) if name not in task.identities
-    ]
     sources = random_sources(task, seed, HELD_OUT)
     for before, actions, state, _, weight in attacked_rollout(task, attacker, batch, *sources):
         trust, present = game.agent_trust(state), game.present(state)
@@ -273,21 +259,11 @@ def watch(
         published.append(
             [weight * part for part in task.bought_by_published(before, actions, state)]
         )
-        if actions.treatment is not None and honest:
-            to_honest = actions.treatment[honest]
-            treats |= (to_honest.max(axis=0) - to_honest.min(axis=0) > _UNEQUAL).any(axis=(0, 2))
     own, public = (
         Bought(*(np.stack(part) for part in zip(*got[1:], strict=True)))
         for got in (bought, published)
     )
-    return GameRecord(np.stack(trusts), own, public, treats)
-
-
-def watch_honest(task: AttackTask, seed: int | tuple[int, ...], games: int) -> GameRecord:
-    """Play held-out games with everybody honest, the twins of attacked games, shape (1, G). See
-    `watch`.
-    """
-    return watch(task, Scripted({}), seed, (1, games))
+    return GameRecord(np.stack(trusts), own, public)
 
 
 def score(
@@ -295,7 +271,6 @@ def score(
     attacker: Attacker,
     seed: int | tuple[int, ...],
     batch: tuple[int, int],
-    twin: GameRecord | None = None,
 ) -> GameScores:
     """Play attacks side by side, compare them with the same games with everybody honest, and return
     the scores.
@@ -305,14 +280,13 @@ def score(
         attacker: Attacker, or K attackers side by side.
         seed: Random seed.
         batch: Shape (K, G): K attacks in G games each.
-        twin: The honest games, `watch_honest` of the same task, seed and G; None plays them.
 
     Raises:
         ValueError: See `watch`.
     """
     judged, weights = _judged(task), task.game.scenario.round_weights
     seen = watch(task, attacker, seed, batch)
-    twin = watch_honest(task, seed, batch[1]) if twin is None else twin
+    twin = watch(task, Scripted({}), seed, (1, batch[1]))
     honest = [
         i
         for i, name in enumerate(task.game.roster.names)
@@ -323,7 +297,7 @@ def score(
     ).value
     auc = _detection(task, mean_or_nan(seen.trust, 0, weights), judged)
     scores = {**_read(seen, honest, weights), "damage": damage, "auc": auc}
-    return GameScores(scores, seen.bought, twin.bought, seen.treats)
+    return GameScores(scores, twin.bought)
 
 
 def _judged(task: AttackTask) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import pytest
 from small_suites import small
 
 from roletrust_env.benchmarking.run import selected_suite
+from roletrust_env.benchmarking.suite import with_search
 from roletrust_env.benchmarking.suite_files import load_suite, reproduction_command
 
 FILE = Path("results/my run/results.sqlite")
@@ -14,7 +15,8 @@ FILE = Path("results/my run/results.sqlite")
 
 @pytest.mark.parametrize("search", [False, True])
 def test_a_suite_of_the_project_is_given_by_its_name(search):
-    played = selected_suite(load_suite("quick", 3), ["mean", "median"], search=search)
+    quick = load_suite("quick", 3)
+    played = selected_suite(with_search(quick) if search else quick, ["mean", "median"])
     words = shlex.split(reproduction_command(played, FILE))
     expected = ["mean", "median", "--suite", "quick", "--worlds", "3", *["--search"] * search]
     assert words == ["roletrust", "benchmark", *expected, "--out", "results/my run"]

@@ -15,7 +15,6 @@ from roletrust_env.evaluation.measurement import (
     random_sources,
     score,
     watch,
-    watch_honest,
 )
 from roletrust_env.game.make_task import make_task
 
@@ -87,4 +86,4 @@ def test_the_score_of_a_network_has_the_weights_of_the_rounds() -> None:
 
 def test_a_game_of_one_round_has_no_choice_to_measure() -> None:
     with refuses(ValueError, "max_cycles", "1", "2"):
-        watch_honest(make_task("market", ["sp_5"], max_cycles=1), 0, 2)
+        watch(make_task("market", ["sp_5"], max_cycles=1), Scripted({}), 0, (1, 2))

@@ -7,13 +7,13 @@ import large_run
 import numpy as np
 from command_line import run
 from csv_files import csv_rows
+from small_suites import small
 
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.run import InProcess, play_suite
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.suite import Suite
-from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.agreed import AgreedScripts
 from roletrust_env.evaluation.attackers import record_of
 from roletrust_env.evaluation.received import SCORES
@@ -23,28 +23,19 @@ SETTINGS = ("clean", "raters", "raters-open", "coalition")
 
 
 def small_suite(**fields: object) -> Suite:
-    """Return the suite quick with few agents, worlds, settings and attacks, and another seed."""
-    quick = load_suite("quick")
-    assert isinstance(quick, Suite)
-    changed = {
-        "max_cycles": {"low": 8, "high": 12},
-        "agents": [
-            {"role": "SR", "count": {"low": 6, "high": 8}, "noise": 0.1},
-            {"role": "SP", "count": {"low": 6, "high": 8}, "ability": [0.0, 1.0]},
-        ],
-    }
-    worlds = {"selection": 1, "measured": 3, "seed": 4, "set": {**quick.worlds.set, **changed}}
-    fields = {
-        "name": "small",
-        "models": ["mean", "block"],
+    """Return a small suite with few settings and attacks, and worlds of another seed."""
+    base = small()
+    usual = {
         "games": 3,
-        "selection_games": 2,
-        "worlds": {**quick.worlds.model_dump(), **worlds},
-        "settings": {name: quick.settings[name].model_dump() for name in SETTINGS},
+        "worlds": {
+            **{**base.worlds.model_dump(), "selection": 1, "seed": 4},
+            "set": {**base.worlds.set, "continuation": 1.0},
+        },
+        "settings": {name: base.settings[name].model_dump() for name in SETTINGS},
         "attacks": ["bad-mouthing", "rank-lies", "on-off", "milking-ring"],
-        **fields,
+        "methods": ["scripts"],
     }
-    return Suite.model_validate({**quick.model_dump(), **fields})
+    return small(**{**usual, **fields})
 
 
 SUITE = small_suite(description="<script>alert(1)</script>")

@@ -32,6 +32,17 @@ from roletrust_experiments.cli import app
 for command in {COMMANDS}:
     assert "Examples" in CliRunner().invoke(app, [command, "--help"]).output, command
 """
+SMALL = """extends = "quick"
+own = []
+solo = { common = "mean", own = "mean" }
+games = 1
+selection_games = 1
+[settings.clean]
+[settings.raters]
+roles = ["SR"]
+share = 0.3
+"""
+"""Fields of a suite of two settings, beside its trust models and attacks."""
 
 
 class Run(NamedTuple):

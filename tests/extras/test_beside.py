@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from csv_files import csv_rows
-from fresh_environments import HELPS, HOUSE, Environment
+from fresh_environments import HELPS, HOUSE, SMALL, Environment
 from test_outside import ATTACK, MODEL
 
 pytestmark = pytest.mark.extras
@@ -40,19 +40,10 @@ gossip = "village.gossip:Gossip"
 [project.entry-points."roletrust_env.learners"]
 steady = "village.steady:Steady"
 """
-MODELS = """
-extends = "quick"
+MODELS = f"""
 models = ["mean", "grudge"]
 attacks = ["gossip"]
-own = []
-solo = { common = "mean", own = "mean" }
-games = 1
-selection_games = 1
-[settings.clean]
-[settings.raters]
-roles = ["SR"]
-share = 0.3
-"""
+{SMALL}"""
 LEARNERS = """
 kind = "learners"
 learners = ["steady"]

@@ -10,23 +10,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fresh_environments import COMMANDS, HELPS, HOUSE, PACKAGES, Environment
+from fresh_environments import COMMANDS, HELPS, HOUSE, PACKAGES, SMALL, Environment
 
 pytestmark = pytest.mark.extras
 
-TINY = """
-extends = "quick"
+TINY = f"""
 models = ["mean", "role-trust"]
 attacks = ["bad-mouthing"]
-own = []
-solo = { common = "mean", own = "mean" }
-games = 1
-selection_games = 1
-[settings.clean]
-[settings.raters]
-roles = ["SR"]
-share = 0.3
-"""
+{SMALL}"""
 SHORT = ("--set", "max_cycles=8")
 ZOO = HOUSE / "agents" / "roletrust_agents" / "zoo" / "provider-3x3"
 

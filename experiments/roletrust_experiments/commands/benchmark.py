@@ -24,7 +24,7 @@ from roletrust_env.benchmarking.pool import LocalPool, Pool, cores
 from roletrust_env.benchmarking.run import placed, play_suite, selected_suite
 from roletrust_env.benchmarking.schema import CellResult
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite import Suite, with_search, without_models
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite, reproduction_command
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.specs import check_installed
@@ -67,7 +67,7 @@ def benchmark(
         ),
     ] = "standard",
     search: Annotated[
-        bool, typer.Option("--search", help="Search for attacks, too: hours instead of minutes.")
+        bool, typer.Option("--search", help="Also search for attacks: hours instead of minutes.")
     ] = False,
     attack: Annotated[
         list[str] | None,
@@ -106,7 +106,7 @@ def benchmark(
     chance. Each model is attacked in several settings (compromised roles, their share, who may
     report). The worst attack of a setting is chosen in some worlds and measured in others. By
     default all scripted attacks of the suite are played, in some minutes, and your model is shown
-    beside the published ones. [bold]--search[/] adds a search for attacks, which lowers the scores.
+    next to the published ones. [bold]--search[/] adds a search for attacks, which lowers scores.
 
     A suite for [bold]learners[/] combines tasks, learners, budgets of rounds and seeds. The share
     of a learner on a task is 0 for honest play, and 1 for the optimum or the best known attack.
@@ -122,7 +122,7 @@ def benchmark(
     [dim]# the published leaderboard, at once[/]
     [cyan]roletrust benchmark[/]
 
-    [dim]# your own model beside the published ones, in some minutes[/]
+    [dim]# your own model next to the published ones, in some minutes[/]
     [cyan]roletrust benchmark mypackage.mymodel:MyModel[/]
 
     [dim]# the time that the whole leaderboard takes[/]
@@ -196,7 +196,7 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path | None = None) ->
     """Print the leaderboard with the published models, and write it to a folder."""
     board = placed(suite, cells)
     if all(row.missing for row in board.rows) and not cells:
-        raise ValueError(f"suite {suite.name} has no published models; name those to play")
+        raise ValueError(f"suite {suite.name} does not have published models; name those to play")
     console.print(escape(repr(board)), soft_wrap=True)
     if "search" not in suite.methods:
         tell("These are scripted attacks. A search for attacks (--search) may lower the scores.")
@@ -242,10 +242,10 @@ def _asked(
     if not allow_code:
         check_installed(trust_models, suite.models)
         check_installed(attackers, (*suite.attacks, *suite.usual.values()))
-    methods = tuple(dict.fromkeys([*suite.methods, *(["search"] if search else [])]))
+    asked = with_search(suite) if search else suite
     if not model:
-        return suite.model_copy(update={"models": (), "own": (), "methods": methods})
-    return selected_suite(suite, _expanded(model, suite.models), attack or (), search=search)
+        return without_models(asked)
+    return selected_suite(asked, _expanded(model, suite.models), attack or ())
 
 
 def _expanded(names: Sequence[str], everything: Sequence[str]) -> list[str]:

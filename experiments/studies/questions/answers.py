@@ -69,7 +69,7 @@ def play(
     own, public = (
         Bought(*(part[:, 0] for part in bought)) for bought in (seen.bought, seen.published)
     )
-    return GameRecord(seen.trust[:, :, 0], own, public, seen.treats)
+    return GameRecord(seen.trust[:, :, 0], own, public)
 
 
 def lost(seen: GameRecord, twin: GameRecord, agents: Iterable[int]) -> Floats:
