@@ -76,8 +76,7 @@ def find_attacks(play: CellPlay) -> Iterator[FoundAttack]:
         bases = pairs(suite, cell, play.task("selection", 0))
         if not bases:
             raise UnsuitableError("the suite has no attack for this setting")
-        for start in range(suite.search.starts):
-            yield search(play, bases, start)
+        yield from search(play, bases)
     else:
         if not (known := suite.replayed_in(cell.setting)):
             raise UnsuitableError("there is no replayed attack for this setting")

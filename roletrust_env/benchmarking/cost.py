@@ -25,7 +25,8 @@ def game_rounds(suite: Suite, cell: Cell) -> int:
     elif cell.method == "search":
         attacks = suite.search.starts * (1 + FINALISTS)
         bases = pairs(suite, cell, CellPlay(suite, cell).task("selection", 0))
-        tried = suite.search.starts * suite.search.candidates * suite.search.games * bool(bases)
+        further = suite.search.starts * suite.search.candidates * bool(bases)
+        tried = suite.search.games * (len(bases) + further)
     else:
         attacks = max(1, len(suite.replayed_in(cell.setting)))
     return selection * (attacks * suite.selection_games + tried) + measured * suite.games

@@ -1,11 +1,12 @@
 """Search over scripted attacks and their parameters in all selection worlds at once.
 
-A start tries random attacks first. Then CMA-ES (Hansen and Ostermeier, 2001; package `cma`) changes
-the parameters of the best one. All attacks meet the same games, so that they compare.
+All scripted attacks are tried first. Then CMA-ES (Hansen and Ostermeier, 2001; package `cma`)
+changes the parameters of the most harmful ones, one in each start. All attacks meet the same games,
+so that they compare.
 """
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,12 +17,10 @@ from roletrust_env.evaluation.agreed import DIGITS, AgreedScripts
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.metrics.score import mean_or_nan
 
-_POPULATION = 12
-_DEFAULTS = 0.25
-"""Share of the random attacks that have their default parameters."""
+_POPULATION = 8
 
-_SPREAD = 0.2
-"""Standard deviation of the first generation of CMA-ES."""
+_SPREAD = 0.3
+"""Standard deviation of the first generation of CMA-ES, whose mean is the middle of all ranges."""
 
 FINALISTS = 4
 """Number of the best attacks that are tried again in all games of the selection worlds. The best of
@@ -48,36 +47,33 @@ class FoundAttack(NamedTuple):
     progress: tuple[tuple[int, float], ...] = ()
 
 
-def search(play: CellPlay, bases: Sequence[tuple[str, ...]], start: int) -> FoundAttack:
-    """Return the attack that a start of a search finds.
+def search(play: CellPlay, bases: Sequence[tuple[str, ...]]) -> Iterator[FoundAttack]:
+    """Yield the attack that each start of a search finds.
+
+    Start k changes the parameters of the k-th most harmful base, so that two starts that agree show
+    more than two of the same base. The budget is that of the suite.
 
     Args:
         play: Worlds of the cell.
         bases: Specs of scripted attacks that are played together.
-        start: Number of the start, which seeds its random numbers. The budget is that of the
-            suite.
     """
-    random = np.random.default_rng((play.suite.worlds.seed, start))
-    trial = _Trial(play)
-    task, budget = play.task("selection", 0), play.suite.search.candidates
-    sizes = [AgreedScripts(base).scripts(task).size for base in bases]
-    drawn = []
-    for _ in range(max(1, budget // 2)):
-        k = int(random.integers(len(bases)))
-        default = not sizes[k] or random.random() < _DEFAULTS
-        drawn.append(AgreedScripts(bases[k], None if default else _point(random.random(sizes[k]))))
-    trial.play(drawn)
-    best = trial.attacks[int(np.argmin(trial.skills))]
-    size = sizes[list(bases).index(best.attacks)]
-    middle = np.full(size, 0.5) if best.point is None else np.array(best.point)
-    if size:
-        _evolve(trial, best.attacks, middle, budget, int(random.integers(1, 2**31)))
-    finalists = [trial.attacks[k] for k in np.argsort(trial.skills, kind="stable")[:FINALISTS]]
-    skills = mean_or_nan(play.measure("selection", finalists).scores["skill"], axis=0)
-    attack = finalists[int(np.argmin(skills))]
-    return FoundAttack(
-        f"search {start + 1}", attack, attack.describe(task), trial.rounds, tuple(trial.progress)
-    )
+    task, defaults = play.task("selection", 0), _Trial(play)
+    defaults.play([AgreedScripts(base) for base in bases])
+    order = np.argsort(defaults.skills, kind="stable")
+    for start in range(play.suite.search.starts):
+        trial = defaults.copy()
+        base = bases[order[start % len(bases)]]
+        _evolve(trial, base, AgreedScripts(base).scripts(task).size, start)
+        finalists = [trial.attacks[k] for k in np.argsort(trial.skills, kind="stable")[:FINALISTS]]
+        skills = mean_or_nan(play.measure("selection", finalists).scores["skill"], axis=0)
+        attack = finalists[int(np.argmin(skills))]
+        yield FoundAttack(
+            f"search {start + 1}",
+            attack,
+            attack.describe(task),
+            trial.rounds,
+            tuple(trial.progress),
+        )
 
 
 class _Trial:
@@ -88,13 +84,22 @@ class _Trial:
         skills: Their mean skills.
         rounds: Number of game rounds that were played.
         progress: See `FoundAttack.progress`.
+        candidates: Number of attacks that a start tries after the bases.
     """
 
     def __init__(self, play: CellPlay) -> None:
         self.attacks: list[AgreedScripts] = []
         self.skills: list[float] = []
         self.rounds, self.progress = 0, list[tuple[int, float]]()
+        self.candidates = play.suite.search.candidates
         self._play = play
+
+    def copy(self) -> "_Trial":
+        """Return a trial that goes on from here, apart from this one."""
+        trial = _Trial(self._play)
+        trial.attacks, trial.skills = list(self.attacks), list(self.skills)
+        trial.rounds, trial.progress = self.rounds, list(self.progress)
+        return trial
 
     def play(self, attacks: Sequence[AgreedScripts]) -> Floats:
         """Return the mean skill of each attack."""
@@ -108,19 +113,19 @@ class _Trial:
         return skills
 
 
-def _evolve(trial: _Trial, base: tuple[str, ...], start: Floats, budget: int, seed: int) -> None:
+def _evolve(trial: _Trial, base: tuple[str, ...], size: int, start: int) -> None:
     """Change the parameters of an attack by CMA-ES until the budget is spent."""
+    if not size:
+        return
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it warns about missing plots
         import cma  # type: ignore[import-untyped]
-    surplus = max(0, 2 - len(start))  # CMA-ES needs two coordinates; a surplus one has no effect
-    options = {"bounds": [0, 1], "popsize": _POPULATION, "seed": seed, "verbose": -9}
-    strategy: Any = cma.CMAEvolutionStrategy(
-        np.pad(start, (0, surplus), constant_values=0.5), _SPREAD, options
-    )
-    while budget - len(trial.attacks) >= _POPULATION:
+    dimensions = max(2, size)  # CMA-ES needs two; a surplus one has no effect
+    options = {"bounds": [0, 1], "popsize": _POPULATION, "seed": 1 + start, "verbose": -9}
+    strategy: Any = cma.CMAEvolutionStrategy(np.full(dimensions, 0.5), _SPREAD, options)
+    for _ in range(max(1, trial.candidates // _POPULATION)):
         generation = strategy.ask()
-        points = [_point(point[: len(start)]) for point in generation]
+        points = [_point(point[:size]) for point in generation]
         strategy.tell(generation, trial.play([AgreedScripts(base, p) for p in points]).tolist())
 
 

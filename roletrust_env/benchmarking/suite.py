@@ -85,8 +85,8 @@ class ReplayedAttack(FrozenModel):
 class Search(FrozenModel):
     """Budget of a search for an attack, the same for each trust model and setting."""
 
-    candidates: PositiveInt = 96
-    """Number of attacks that each start tries."""
+    candidates: PositiveInt = 24
+    """Number of attacks that each start tries after the scripted ones."""
     games: PositiveInt = 2
     """Number of games in each selection world in which they are tried."""
     starts: Annotated[int, Field(ge=1, le=10)] = 2
