@@ -17,11 +17,8 @@ from roletrust_env.evaluation.scripts import (
     AttackKind,
     Scripts,
     describe_attack,
-    paper_attacks,
-    with_paper,
 )
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
-from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.policy import Policy
 from roletrust_env.parameters import refuse_unknown_parameters
@@ -256,62 +253,3 @@ def _begin(size: int, spread: float, random: np.random.Generator) -> Any:
         "verbose": -9,
     }
     return cma.CMAEvolutionStrategy(random.uniform(0.2, 0.8, size), spread, options)
-
-
-Group = tuple[AttackKind, ...]
-"""Kinds of attack that are played together, one for each role."""
-
-_LEADERS = 3  # groups that are searched
-
-
-@refuse_unknown_parameters
-@dataclass(frozen=True)
-class AgreedCmaEs(ScriptSearch):
-    """Search over scripted attacks that all agents of a role play alike.
-
-    Every kind is tried at its defaults, while a role that it leaves out plays the attack of the
-    paper. CMA-ES then searches the parameters of the three best kinds in turn. If both roles
-    attack, the best kind of each also form a pair, which is searched, too.
-
-    Attributes:
-        spread: Standard deviation of the first generation of CMA-ES.
-    """
-
-    name: str = "agreed CMA-ES"
-    spread: float = 0.3
-
-    def _tried(
-        self, trial: ScriptTrial, random: np.random.Generator
-    ) -> tuple[list[Attack], Scores]:
-        kinds = self.attacks or _paper(trial.task)
-        groups = [with_paper(trial.task, kind) for kind in kinds[: trial.left]]
-        attacks: list[Attack] = [_alike(trial.task, group).default for group in groups]
-        scores: list[Scores] = [trial.scores(attacks)]
-        leaders = _leaders(trial.task, [groups[k] for k in np.argsort(-scores[0], kind="stable")])
-        for k, group in enumerate(leaders):
-            scripts, tries = _alike(trial.task, group), trial.left // (len(leaders) - k)
-            if scripts.size and tries >= GENERATION:
-                best = cma_es(trial, scripts, tries, self.spread, random)
-                attacks, scores = attacks + best[0], [*scores, best[1]]
-        return attacks, np.concatenate(scores)
-
-
-def _alike(task: AttackTask, kinds: Sequence[AttackKind]) -> Scripts:
-    return Scripts.of(task, kinds, alike=True)
-
-
-def _paper(task: AttackTask) -> Group:
-    """Return the attacks of the paper that compromised agents can play."""
-    return tuple(
-        kind for kind, plays in zip(paper_attacks(), Scripts.of(task).roles, strict=True) if plays
-    )
-
-
-def _leaders(task: AttackTask, groups: Sequence[Group]) -> list[Group]:
-    """Return the groups to search, from all groups in the order of their scores."""
-    leaders = list(groups[:_LEADERS])
-    roles = [Scripts.of(task, group[:1]).roles for group in groups]
-    if (True, False) in roles and (False, True) in roles:
-        pair = (groups[roles.index((True, False))][0], groups[roles.index((False, True))][0])
-        leaders.append(pair)
-    return leaders

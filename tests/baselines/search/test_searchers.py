@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 from refusals import refuses
 
-from roletrust_baselines import BadMouthing, OnOff, RankLies, ThresholdSurfing, Whitewashing
+from roletrust_baselines import BadMouthing, OnOff, Whitewashing
 from roletrust_baselines.search import (
-    AgreedCmaEs,
     CmaEs,
     GridSearch,
     PaperAttacks,
     RandomSearch,
     ScriptTrial,
-    _leaders,
 )
 from roletrust_env import Policy
 from roletrust_env.evaluation.attackers import (
@@ -28,7 +26,7 @@ from roletrust_env.evaluation.attackers import (
     side_by_side,
 )
 from roletrust_env.evaluation.measurement import SEARCHED, exact_task, mean_rewards
-from roletrust_env.evaluation.scripts import Scripts, describe_attack, with_paper
+from roletrust_env.evaluation.scripts import Scripts, describe_attack
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import SearchRange
@@ -48,7 +46,7 @@ CROWD = {
     "objective": "damage",
 }
 DUAL = {"scenario": "peers", "max_cycles": 10, "compromised": ("srsp_5",), "objective": "exploit"}
-SEARCHERS = [GridSearch(), RandomSearch(), CmaEs(), AgreedCmaEs()]
+SEARCHERS = [GridSearch(), RandomSearch(), CmaEs()]
 
 
 @dataclass(frozen=True)
@@ -258,16 +256,3 @@ def test_agents_that_agree_play_one_attack_for_each_role():
     assert attack["sp_9"] == alike.serving.decode(point)
     both = Scripts.of(make_task(**DUAL), kinds, alike=True).decode(np.full(9, 0.3))["srsp_5"]
     assert isinstance(both, Both)
-    found = AgreedCmaEs(attacks=kinds).search(CROWD, Budget(40_000), 0)
-    assert found.attacker.policies["sr_8"] == found.attacker.policies["sr_9"]
-
-
-def test_agents_that_agree_search_the_best_kinds_and_their_pair():
-    """A kind for one role is played with the attack of the paper; the best kinds of both roles make
-    a pair."""
-    task = make_task(**CROWD)
-    groups = [with_paper(task, kind) for kind in (RankLies, ThresholdSurfing, BadMouthing)]
-    assert groups == [(RankLies, OnOff), (ThresholdSurfing, BadMouthing), (BadMouthing, OnOff)]
-    assert _leaders(task, groups) == [*groups, (ThresholdSurfing, RankLies)]
-    rounds = found(AgreedCmaEs(attacks=(RankLies, ThresholdSurfing)), CROWD, 30_000).rounds
-    assert 15_000 < rounds <= 30_000

@@ -203,7 +203,7 @@ REFUSED = {
     "beta-filtered": {"q": [0.5]},
     "blade": {"levels": [1], "keep": [0.0, 1.1]},
     "fire": {"tolerance": [0], "credibility": [-0.1], "initial": [1.1]},
-    "first-hand": {name: [-1, 1001, np.inf, np.nan] for name in ("repeats", "patience")},
+    "first-hand": {"own": [-1, 0, np.inf, np.nan]},
     "habit": {"levels": [1], "alpha": [0.0]},
     "huber-mean": {"width": [0]},
     "qor": {"theta": [0, 1.1], "initial": [-1]},

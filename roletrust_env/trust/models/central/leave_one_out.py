@@ -29,27 +29,6 @@ class LeaveOneOutState(NamedTuple):
     counts: Annotated[PerPair, AMOUNTS]
 
 
-class Compared(NamedTuple):
-    """The comparison of each rater with the others, in one round. Ratings are means of a pair, less
-    `initial`.
-
-    Attributes:
-        above: Mean rating x of each pair, shape (S, P, ...).
-        apart: The same less the prior of its provider.
-        view: View c that the others have of the provider, less its prior.
-        voice: Voice v of each pair.
-        evidence: Evidence e of each pair.
-        agreement: Agreement of each rater with the others, in [0, 1], shape (S, ...).
-    """
-
-    above: PerPair
-    apart: Array
-    view: Array
-    voice: Array
-    evidence: Array
-    agreement: PerRater
-
-
 @checked_dataclass
 class LeaveOneOut(Published):
     """Leave-one-out trust: a rater is trusted as far as it agrees with the others, a provider as
@@ -133,17 +112,10 @@ class LeaveOneOut(Published):
         evidence = voice * heard / (heard + self.prior)
         agreed = self.doubt + pairs.reduce(evidence * (1 - abs(apart - view)), RATER)
         agreement = xp.clip(agreed / (1 + pairs.reduce(evidence, RATER)), 0.0, 1.0)
-        compared = Compared(above, apart, view, voice, evidence, agreement)
-        tor = xp.where(ratings.rated(RATER), self.believed(pairs, compared), state.tor)
+        tor = xp.where(ratings.rated(RATER), safe_power(agreement, self.power), state.tor)
         return LeaveOneOutState(
             tor, self._trust(pairs, above, voice, voice * pairs.gather(tor, RATER)), sums, counts
         )
-
-    def believed(self, pairs: Ratings, compared: Compared) -> PerRater:
-        """Return the trust of each rater of the round from its comparison with the others, shape
-        (S, ...).
-        """
-        return safe_power(compared.agreement, self.power)
 
     def _base(self, pairs: Ratings, above: Array, voice: Array, weights: Array) -> Array:
         """Return the prior of the providers, less `initial`: shape (...), at most 0."""

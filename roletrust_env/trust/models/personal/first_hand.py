@@ -5,7 +5,7 @@ with these.
 from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
-from roletrust_env.parameters import Power, Ridge, Share, Weighting, checked_dataclass
+from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.shapes import PerAdviser, PerPair
 from roletrust_env.trees import SHARES
 from roletrust_env.trust.algorithms import safe_power
@@ -15,11 +15,10 @@ from roletrust_env.trust.personal import (
     by_judges,
     credences,
     heard,
-    mean_of_sums,
     product,
     unknown_first,
 )
-from roletrust_env.trust.ratings import Ratings, occurred
+from roletrust_env.trust.ratings import Ratings
 
 
 class FirstHandState(NamedTuple):
@@ -43,25 +42,18 @@ class FirstHand(Personal):
     """First-hand trust: what a judge has seen itself counts most, and agreement with it makes
     others count.
 
-        s[k, j] <- keep s[k, j] + w f[k, j],   n[k, j] <- keep n[k, j] + w      only where k rated j
-        w        = 1 for the first rating of a pair, 1 + repeats for later ones
+        s[k, j] <- keep s[k, j] + f[k, j],   n[k, j] <- keep n[k, j] + 1      only where k rated j
         x[k, j]  = s[k, j] / n[k, j],   v[k, j] = n[k, j] / (1 + limit n[k, j])
         s', n', x', v': the same of the services that i itself received, as i perceived them
         C[i, k]  = ((doubt + sum over j of v'[i, j] v[k, j] (1 - |x'[i, j] - x[k, j]|))
                     / (1 + sum over j of v'[i, j] v[k, j]))^power
-        o[i, j]  = own n'[i, j] n'[i, j] / (n'[i, j] + patience)
-        T[i, j]  = (prior initial + o[i, j] x'[i, j] + sum over k of C[i, k] v[k, j] x[k, j])
-                    / (prior + o[i, j] + sum over k of C[i, k] v[k, j]),   k other than i
+        T[i, j]  = (prior initial + own n'[i, j] x'[i, j] + sum over k of C[i, k] v[k, j] x[k, j])
+                    / (prior + own n'[i, j] + sum over k of C[i, k] v[k, j]),   k other than i
 
     It is `leave-one-out` for a judge that has experience of its own: a liar that is the majority
     misleads nobody who has met the provider, and who contradicts a judge in one place is not
     believed by it in others. Credence is computed anew from all ratings, so a lie of long ago that
     the judge now sees through counts, too.
-
-    A provider may serve each judge well until that one has rated it well, and cheat it from then
-    on. First ratings then tell nothing, and judges that were cheated know best. With `repeats`,
-    later ratings of a pair count more than its first. With `patience`, a judge with few ratings of
-    its own listens to others more; with many, as little as ever.
 
     By its own choice rule, a judge first goes to providers without a service or a rating, at
     random, and then to the most trusted one.
@@ -76,9 +68,6 @@ class FirstHand(Personal):
         doubt: Agreement with a rater that has rated no provider of the judge's, in [0, 1]; it
             counts as one comparison.
         limit: Inverse of the largest weight of a pair, in [0, 1].
-        repeats: Further weight of a rating whose rater has rated its provider before, in [0, 1000].
-        patience: Number of ratings of the judge's own with which each counts half of `own`, in [0,
-            1000]. With 0 each counts in full from the first one on.
     """
 
     initial: Share = 0.5
@@ -88,8 +77,6 @@ class FirstHand(Personal):
     power: Power = 8.0
     doubt: Share = 0.8
     limit: Share = 0.3
-    repeats: Weighting = 0.0
-    patience: Weighting = 0.0
     rates_raters = True
     cost = "S^2 P"
 
@@ -115,7 +102,7 @@ class FirstHand(Personal):
         compared = product(own_voice, voice.swapaxes(0, 1))
         agreement = xp.clip((self.doubt + by_judges(agree, voice)) / (1 + compared), 0.0, 1.0)
         credence = safe_power(agreement, self.power)
-        weight = self.own * own.counts * mean_of_sums(own.counts, own.counts + self.patience)
+        weight = self.own * own.counts
         sums = self.prior * self.initial + weight * seen + heard(credence, voice * reported)
         trust = sums / (self.prior + weight + heard(credence, voice))
         return FirstHandState(own, said, xp.clip(trust, 0.0, 1.0), credence)
@@ -128,9 +115,9 @@ class FirstHand(Personal):
     def _remembered(self, evidence: Evidence, ratings: Ratings) -> Evidence:
         """Return the sums s and n after one more round."""
         kept = 1 - (1 - self.keep) * ratings.weights
-        weight = ratings.weights * (1 + self.repeats * occurred(evidence.counts))
         return Evidence(
-            kept * evidence.counts + weight, kept * evidence.sums + weight * ratings.values
+            kept * evidence.counts + ratings.weights,
+            kept * evidence.sums + ratings.weights * ratings.values,
         )
 
     def _voice(self, evidence: Evidence) -> PerPair:
