@@ -78,9 +78,8 @@ def find_attacks(play: CellPlay) -> Iterator[FoundAttack]:
             raise UnsuitableError("the suite has no attack for this setting")
         yield from search(play, bases)
     else:
-        if not (known := suite.replayed_in(cell.setting)):
-            raise UnsuitableError("there is no replayed attack for this setting")
-        for found in known:
+        yield honest
+        for found in suite.replayed_in(cell.setting):
             words = f"replayed attack, found by {found.finder}" if found.finder else "replayed"
             yield FoundAttack(found.name, read_record(found.record), words)
 

@@ -28,7 +28,7 @@ def game_rounds(suite: Suite, cell: Cell) -> int:
         further = suite.search.starts * suite.search.candidates * bool(bases)
         tried = suite.search.games * (len(bases) + further)
     else:
-        attacks = max(1, len(suite.replayed_in(cell.setting)))
+        attacks = 1 + len(suite.replayed_in(cell.setting))
     return selection * (attacks * suite.selection_games + tried) + measured * suite.games
 
 

@@ -193,11 +193,14 @@ def _rounded(values: Sequence[float | None]) -> tuple[float | None, ...]:
 
 def suite_hash(suite: Suite) -> str:
     """Return the hash of everything in a suite that its games and scripts depend on: not its trust
-    models, its ways to attack and the budget of its searches.
+    models, its ways to attack, its replayed attacks and the budget of its searches.
     """
     fields = suite.model_dump(
         mode="json",
-        exclude={"models", "own", "methods", "search", "name", "description", "limit_s"},
+        exclude={
+            *("models", "own", "methods", "replayed", "search"),
+            *("name", "description", "limit_s"),
+        },
     )
     return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()
 
@@ -225,7 +228,11 @@ def published_cells(suite: Suite) -> tuple[Suite, list[StoredCell]]:
         wanted = {
             cell.key for cell in suite.model_copy(update=alone).cells() if cell.model == entry.model
         }
-        fitting = [stored for stored in entry.stored() if stored.cell.key in wanted]
+        fitting = [
+            stored
+            for stored in entry.stored()
+            if stored.cell.key in wanted and _faced_all(suite, *stored)
+        ]
         searched = "search" in suite.methods and entry.search != suite.search
         if entry.model in suite.models or searched or len(fitting) < len(wanted):
             continue
@@ -274,13 +281,21 @@ def check_entry(entry: Entry, suite: Suite) -> list[Check]:
     checks.append(Check("software and processor", True, where))
     stored = entry.stored()
     wanted = {cell.key for cell in suite.cells() if cell.model == entry.model}
-    missing = sorted(wanted - {cell.key for cell, _ in stored})
+    missing = sorted(
+        wanted - {cell.key for cell, result in stored if _faced_all(suite, cell, result)}
+    )
     words = f"missing: {missing[0]}" if missing else f"{len(stored)} cells"
     checks.append(Check("completeness", not missing, words))
     wrong = [cell.key for cell, result in stored if not _consistent(suite, result)]
     words = f"wrong: {wrong[0]}" if wrong else "scores in their ranges, the worst attack measured"
     checks.append(Check("consistency", not wrong, words))
     return checks
+
+
+def _faced_all(suite: Suite, cell: Cell, result: CellResult) -> bool:
+    """Return whether the model faced all replayed attacks of the suite in a cell."""
+    names = {attack.name for attack in suite.replayed_in(cell.setting)}
+    return cell.method != "replayed" or names <= {row.attack for row in result.rows}
 
 
 def _consistent(suite: Suite, result: CellResult) -> bool:

@@ -2,9 +2,10 @@
 benchmark`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from roletrust_env.benchmarking.cells import check_attacks
@@ -14,8 +15,15 @@ from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
 from roletrust_env.benchmarking.store import ResultStore, StoredCell
-from roletrust_env.benchmarking.suite import Suite, with_models, with_search, without_models
+from roletrust_env.benchmarking.suite import (
+    Suite,
+    with_attackers,
+    with_models,
+    with_search,
+    without_models,
+)
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite
+from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.evaluation.specs import parse_kinds
 from roletrust_env.parameters import truth_value, whole_number
 from roletrust_env.storage.files import prepare_folder
@@ -32,6 +40,7 @@ def benchmark(
     suite: str | Path | Suite = "standard",
     *,
     attacks: str | Sequence[str] | None = None,
+    attackers: Mapping[str, Attacker] | None = None,
     search: bool = False,
     workers: int | None = None,
     out: str | Path | None = None,
@@ -48,6 +57,9 @@ def benchmark(
         suite: Name of a suite, path of a TOML file, or a `Suite`.
         attacks: Specs of scripted attacks that replace those of the suite, or one spec. Published
             models, which did not face them, are then left out.
+        attackers: Trained attackers by name that play in every setting, such as a
+            `CoalitionAttacker`. Without `attacks` they replace the scripted attacks. Published
+            models are then left out, too.
         search: Also search for attacks, which takes hours instead of minutes.
         workers: Number of processes. None means one for each core. With 0 the cells are played in
             this process.
@@ -89,7 +101,7 @@ def benchmark(
     given: list[Any] = list(models) if isinstance(models, list | tuple) else [models]
     names, instances = name_entrants(chosen_suite.models if everything else given)
     with temporary_registration(instances):
-        selected = selected_suite(chosen_suite, names, attacks or ())
+        selected = selected_suite(chosen_suite, names, attacks or (), attackers or {})
         pool: Pool = InProcess() if workers == 0 else LocalPool(workers, pack(instances))
         with ExitStack() as stack:
             listeners = _bar(stack, selected.name) if progress else {}
@@ -105,7 +117,12 @@ def placed(suite: Suite, cells: Sequence[StoredCell]) -> Leaderboard:
     return Leaderboard.of(with_published, [*cells, *more])
 
 
-def selected_suite(suite: Suite, models: Sequence[str], attacks: Sequence[str] = ()) -> Suite:
+def selected_suite(
+    suite: Suite,
+    models: Sequence[str],
+    attacks: Sequence[str] = (),
+    attackers: Mapping[str, Attacker] = MappingProxyType({}),
+) -> Suite:
     """Return the suite with other trust models and attacks, and check that all of them can be
     created.
 
@@ -114,6 +131,7 @@ def selected_suite(suite: Suite, models: Sequence[str], attacks: Sequence[str] =
         models: Specs of trust models that replace those of the suite.
         attacks: Specs of scripted attacks that replace those of the suite. Empty keeps the attacks
             of the suite.
+        attackers: Trained attackers, see `benchmark`.
 
     Raises:
         ValueError: A name is unknown, or a model or an attack cannot be created.
@@ -121,6 +139,9 @@ def selected_suite(suite: Suite, models: Sequence[str], attacks: Sequence[str] =
     selected = with_models(suite, models)
     named = tuple(dict.fromkeys(attacks)) or suite.attacks
     selected = selected.model_copy(update={"attacks": named})
+    if attackers:
+        methods = tuple(name for name in suite.methods if attacks or name != "scripts")
+        selected = with_attackers(selected.model_copy(update={"methods": methods}), attackers)
     parse_kinds((*selected.attacks, *selected.usual.values()), selected.worlds.world("measured", 0))
     check_attacks(selected)
     return selected

@@ -15,7 +15,7 @@ from roletrust_env.benchmarking.worlds import (
     compromise,
     draw,
 )
-from roletrust_env.evaluation.attackers import MAX_RECORD
+from roletrust_env.evaluation.attackers import MAX_RECORD, Attacker, record_of
 from roletrust_env.evaluation.received import RANGES
 from roletrust_env.evaluation.specs import named_factory, parse_trust_model
 from roletrust_env.game.policy import registry as attackers
@@ -213,7 +213,8 @@ class Suite(SuiteSchema):
         for model, rule in self.entrants:
             for name, setting in self.settings.items():
                 for method in self.methods if setting.roles else _HONEST:
-                    cells.append(Cell(model, rule, name, method))
+                    if method != "replayed" or self.replayed_in(name):
+                        cells.append(Cell(model, rule, name, method))
         return cells
 
     def factories(self) -> dict[str, Callable[..., Any]]:
@@ -282,6 +283,32 @@ def with_models(suite: Suite, models: Sequence[str]) -> Suite:
     )
     own = [name for name in names if hasattr(parse_trust_model(name, example), "preference")]
     return suite.model_copy(update={"models": tuple(models), "own": tuple(own)})
+
+
+def with_attackers(suite: Suite, attackers: Mapping[str, Attacker]) -> Suite:
+    """Return the suite with other replayed attacks, which play in each setting with compromised
+    agents.
+
+    Args:
+        suite: Suite to change.
+        attackers: Attackers by name, which do not depend on the number of agents.
+
+    Raises:
+        ValueError: An attacker cannot be recorded, or a name is not allowed.
+    """
+    replayed = list[ReplayedAttack]()
+    for name, attacker in attackers.items():
+        if not (record := record_of(attacker)):
+            raise ValueError(f"attacker {name!r} is of {type(attacker)}, which has no record")
+        replayed += [
+            ReplayedAttack(name=name, setting=setting, record=record)
+            for setting, fields in suite.settings.items()
+            if fields.roles
+        ]
+    methods = dict.fromkeys([*suite.methods, "replayed"])
+    return Suite.model_validate(
+        {**suite.model_dump(), "replayed": replayed, "methods": tuple(methods)}
+    )
 
 
 def with_search(suite: Suite) -> Suite:

@@ -6,13 +6,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from refusals import refuses
-from small_suites import tiny
+from small_suites import small, tiny
 
+from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
 from roletrust_env.benchmarking import benchmark
+from roletrust_env.benchmarking.play import CellPlay
 from roletrust_env.benchmarking.run import play_suite
 from roletrust_env.benchmarking.store import ResultStore
+from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.models.central.means import Mean
 
@@ -94,6 +99,30 @@ def test_a_run_continues_and_reports_the_stored_cells(
     assert "Playing" in capsys.readouterr().err
     with refuses(ValueError, "results.sqlite", "models"):
         benchmark(["median"], SUITE, attacks=ATTACKS, workers=0, progress=False, out=tmp_path)
+
+
+def test_trained_attackers_play_every_setting_in_place_of_scripts(tmp_path: Path) -> None:
+    suite = small(methods=["scripts"])
+    architecture = DeepSetArchitecture.of(4, wide=True)
+    weights = random_weights(architecture, np.random.default_rng(0))
+    attacker = CoalitionAttacker(DeepSet.unflatten(architecture, weights.astype(np.float32)))
+    benchmark("mean", suite, attackers={"mine": attacker}, workers=0, progress=False, out=tmp_path)
+    with ResultStore(tmp_path / "results.sqlite") as store:
+        stored = store.all()
+    attacked = [(cell, result) for cell, result in stored if suite.settings[cell.setting].roles]
+    assert {cell.setting for cell, _ in attacked} == {
+        name for name, setting in suite.settings.items() if setting.roles
+    }
+    for cell, result in attacked:
+        assert cell.method == "replayed"
+        assert [row.attack for row in result.rows] == ["honest", "mine"]
+        skills = CellPlay(suite, cell).measure("selection", [attacker]).scores["skill"][:, 0]
+        assert result.rows[1].chosen["skill"] == pytest.approx(skills)
+
+
+def test_an_attacker_without_a_record_is_refused() -> None:
+    with refuses(ValueError, "mine", "OpenLoop"):
+        benchmark("mean", tiny(), attackers={"mine": OpenLoop(np.zeros((2, 3)))}, workers=0)
 
 
 def test_invalid_arguments_are_refused() -> None:

@@ -3,6 +3,7 @@
 from roletrust_agents.learned.coalition_member import CoalitionMember
 from roletrust_agents.learned.policy import (
     LearnedPolicy,
+    coalition_of,
     learned,
     learned_member,
     learned_policy,
@@ -16,6 +17,7 @@ __all__ = [
     "LearnedPolicy",
     "SavedAttacker",
     "attacker_of",
+    "coalition_of",
     "learned",
     "learned_member",
     "learned_policy",

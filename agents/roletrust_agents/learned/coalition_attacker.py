@@ -130,6 +130,8 @@ def decide(
 ) -> Decision:
     """Return the decision of a coalition by its network.
 
+    Where reports are open, its raters first claim what the network lies about most.
+
     Args:
         coalition: Coalition; it is wide if the network is.
         network: Network.
@@ -145,6 +147,7 @@ def decide(
         None
         if accounts is None
         else network.treatment(accounts, features[:, coalition.providers, ...]),
+        abs(2 * lie - 1) if coalition.claims else None,
     )
 
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from roletrust_agents.learned.coalition_attacker import attacker_for
+from roletrust_agents.learned.coalition_attacker import CoalitionAttacker, attacker_for
 from roletrust_agents.learned.coalition_member import CoalitionMember, CoalitionSize, member_of
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.learned.network import Decider, Network
@@ -162,6 +162,25 @@ def learned_member(attacker: SavedAttacker, accomplices: tuple[int, ...]) -> Coa
         provides=bool(compromised & set(roster.provider_names)),
         description=f"{card.training.algorithm}, {card.weights_sha256[:8]}",
     )
+
+
+def coalition_of(path: str) -> CoalitionAttacker:
+    """Return the attacker of a saved coalition, which plays any number of agents as one mind.
+
+    Args:
+        path: See `load_attacker`.
+
+    Raises:
+        ValueError: The files are not valid, or the attacker is not a coalition.
+    """
+    attacker = load_attacker(path)
+    if not isinstance(attacker.network, DeepSet):
+        size = f"{attacker.layout.n_raters} raters and {attacker.layout.n_providers} providers"
+        raise ValueError(
+            f"saved attacker {path} was trained with {size}, and plays no other number of agents; "
+            "it must be a coalition, such as `roletrust train standard:coalition` trains"
+        )
+    return CoalitionAttacker(attacker.network)
 
 
 def learned(path: str, accomplices: tuple[int, ...] = ()) -> Policy:

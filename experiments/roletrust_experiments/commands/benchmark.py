@@ -26,8 +26,9 @@ from roletrust_env.benchmarking.schema import CellResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite, with_search, without_models
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite, reproduction_command
+from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.evaluation.resources import in_time
-from roletrust_env.evaluation.specs import check_installed
+from roletrust_env.evaluation.specs import check_installed, parse_parameters
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
@@ -73,7 +74,10 @@ def benchmark(
         list[str] | None,
         typer.Option(
             metavar=NAMED,
-            help=f"Scripted attack instead of those of the suite; repeat for more. {OWN}",
+            help=(
+                "Attack instead of those of the suite; repeat for more. "
+                f"learned:path=DIR is a coalition that `roletrust train` has trained. {OWN}"
+            ),
         ),
     ] = None,
     learner: Annotated[
@@ -245,7 +249,22 @@ def _asked(
     asked = with_search(suite) if search else suite
     if not model:
         return without_models(asked)
-    return selected_suite(asked, _expanded(model, suite.models), attack or ())
+    scripts, trained = _attackers(attack or ())
+    return selected_suite(asked, _expanded(model, suite.models), scripts, trained)
+
+
+def _attackers(names: Sequence[str]) -> tuple[list[str], dict[str, Attacker]]:
+    """Return the scripted attacks among attacks, and the trained coalitions by name."""
+    from roletrust_agents.learned import coalition_of
+
+    scripts, trained = list[str](), dict[str, Attacker]()
+    for text in dict.fromkeys(names):
+        name, parameters = parse_parameters(text)
+        if name == "learned" and parameters.keys() == {"path"}:
+            trained[text] = coalition_of(str(parameters["path"]))
+        else:
+            scripts.append(text)
+    return scripts, trained
 
 
 def _expanded(names: Sequence[str], everything: Sequence[str]) -> list[str]:

@@ -23,11 +23,11 @@ from roletrust_agents.training.coalition_policy import (
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.experience import AfterUpdates, WholeGames
 from roletrust_agents.training.universal import universal_coalitions
-from roletrust_env import make_task
+from roletrust_env import Game, make_scenario, make_task
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchMethod, UnsuitableError
 from roletrust_env.game.accounts import ACCOUNT_FEATURES
-from roletrust_env.game.coalition import FEATURES
+from roletrust_env.game.coalition import FEATURES, Coalition
 
 BOTH, RATERS, PROVIDERS = ("sr_8", "sr_9", "sp_9"), ("sr_8", "sr_9"), ("sp_9",)
 ROUNDS, GAMES = 6, 3
@@ -155,6 +155,19 @@ def test_the_network_decides_as_the_policy_does_without_noise(compromised, obser
         np.testing.assert_allclose(2 * flat.T - 1, expected, atol=1e-5)
         seen, *_ = env.step(expected)
     assert not network.presence(np.ones((6, 2, GAMES), np.float32)).any()
+
+
+def test_a_wide_network_claims_first_what_it_lies_about_most() -> None:
+    scenario = make_scenario("marketplace").change(max_cycles=ROUNDS, ratings={"open": 2})
+    game = Game(scenario)
+    coalition = Coalition(game, ("sr_10", "sr_11"), wide=True)
+    architecture = DeepSetArchitecture.of(5, wide=True)
+    network = DeepSet.unflatten(
+        architecture, random_weights(architecture, np.random.default_rng(0)).astype(np.float32)
+    )
+    features = np.random.default_rng(1).uniform(-1, 1, (len(FEATURES), 12, 3))
+    decision = decide(coalition, network, features)
+    np.testing.assert_allclose(decision.claims, 2 * abs(decision.lie - 0.5))
 
 
 def test_a_policy_begins_as_a_network_that_also_calls_identities():
