@@ -9,7 +9,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite import Cell, Suite
+from roletrust_env.benchmarking.worlds import AttackedWorld
 from roletrust_env.errors import suggest, validation_message
 
 AnySuite = Suite | LearnersSuite
@@ -54,6 +55,29 @@ def load_suite(suite: str | Path, worlds: int | None = None) -> AnySuite:
         fields["name"] = f"{fields['name']}{_WORLDS}{worlds}"
         fields["worlds"] = {**fields["worlds"], "seed": worlds}
     return read_suite(fields, f"suite {suite}")
+
+
+def setting_worlds(text: str) -> list[AttackedWorld]:
+    """Return the selection worlds of a setting of a suite, with their compromised agents.
+
+    Args:
+        text: `SUITE:SETTING`, such as `standard:coalition`. For `SUITE` see `load_suite`.
+
+    Raises:
+        ValueError: The suite is unknown, or it does not have such a setting with compromised
+            agents.
+    """
+    name, _, setting = text.rpartition(":")
+    suite = load_suite(name)
+    attacked = (
+        [each for each, fields in suite.settings.items() if fields.roles]
+        if isinstance(suite, Suite)
+        else []
+    )
+    if not isinstance(suite, Suite) or setting not in attacked:
+        raise ValueError(f"suite {name} has no setting {setting!r}{suggest(setting, attacked)}")
+    cell = Cell(suite.solo["common"], "common", setting, "scripts")
+    return [suite.world(cell, "selection", k) for k in range(suite.worlds.selection)]
 
 
 def read_suite(data: Mapping[str, Any], source: str) -> AnySuite:

@@ -17,6 +17,7 @@ from roletrust_agents.learned.cards import Card, ModelCard, TaskCard
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.learned.network import MAX_WEIGHTS, Network
 from roletrust_agents.learned.weights import read_weights, weights_bytes
+from roletrust_env.benchmarking.suite_files import setting_worlds
 from roletrust_env.game.attack_task import AttackTask, Stealth
 from roletrust_env.game.make_task import Observation, make_task
 from roletrust_env.game.views import ViewLayout
@@ -51,8 +52,12 @@ class SavedAttacker:
         return ViewLayout(roster.n_raters, roster.n_providers, self.card.scenario.max_cycles)
 
     def task(self) -> AttackTask:
-        """Return the task of the training, on NumPy in float32."""
+        """Return the task of the training, on NumPy in float32; of several worlds the first one."""
         return task_from_card(self.card.task, self.card.trust_model, self.card.scenario)
+
+    def tasks(self) -> list[AttackTask]:
+        """Return the tasks of the training, see `tasks_from_card`."""
+        return tasks_from_card(self.card.task, self.card.trust_model, self.card.scenario)
 
 
 def task_from_card(
@@ -62,6 +67,26 @@ def task_from_card(
     `observation`.
     """
     return make_task(**arguments_from_card(task, trust_model, scenario), observation=observation)
+
+
+def tasks_from_card(
+    task: TaskCard, trust_model: ModelCard, scenario: Scenario, observation: Observation = "agents"
+) -> list[AttackTask]:
+    """Return the task described by cards, or that in each selection world of a setting of a suite.
+
+    The id of the latter is `SUITE:SETTING`, see `setting_worlds`.
+    """
+    if ":" not in task.id:
+        return [task_from_card(task, trust_model, scenario, observation)]
+    return [
+        task_from_card(
+            task.model_copy(update={"compromised": world.compromised}),
+            trust_model,
+            world.scenario,
+            observation,
+        )
+        for world in setting_worlds(task.id)
+    ]
 
 
 def arguments_from_card(

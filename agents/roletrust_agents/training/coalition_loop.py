@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_agents.learned.saved import SavedAttacker, task_from_card
+from roletrust_agents.learned.saved import SavedAttacker, tasks_from_card
 from roletrust_agents.training.adam_training import EvolutionStrategy
 from roletrust_agents.training.coalition_ppo import CoalitionPpoTraining
 from roletrust_agents.training.coalition_training import CoalitionTraining, Validated
@@ -65,18 +65,16 @@ def train(
             curve.append(CurvePoint(training.rounds, seconds, float(score.mean), float(score.half)))
             _save(training, curve, folder)
         on_report(TrainingReport(min(training.rounds, run.steps), curve))
-    return finish(
-        run, training.tasks[0].with_blind_share(0.0), training.network, curve, training.rounds
-    ), curve
+    tasks = tasks_from_card(run.task, run.trust_model, run.scenario)
+    return finish(run, tasks, training.network, curve, training.rounds), curve
 
 
 def check_games(run: Run) -> None:
     """Refuse a run whose games do not fit into the memory, see `check_games_memory`."""
     settings = _settings(run)
     for model in (run.trust_model, *run.further_models):
-        check_games_memory(
-            task_from_card(run.task, model, run.scenario), max(settings.games, settings.validation)
-        )
+        for task in tasks_from_card(run.task, model, run.scenario):
+            check_games_memory(task, max(settings.games, settings.validation))
 
 
 def _settings(run: Run) -> CoalitionSettings:
@@ -95,7 +93,11 @@ def _training(run: Run) -> CoalitionTraining[Any]:
     of_ppo: Observation = "accounts" if settings.wide else "coalition"
     observation: Observation = of_ppo if isinstance(settings, CoalitionPPOSettings) else "agents"
     models = (run.trust_model, *run.further_models)
-    tasks = [task_from_card(run.task, model, run.scenario, observation) for model in models]
+    tasks = [
+        task
+        for model in models
+        for task in tasks_from_card(run.task, model, run.scenario, observation)
+    ]
     return _KINDS[type(settings)](
         tasks, settings, run.seed, run.steps, known_starts(settings.start, wide=settings.wide)
     )

@@ -137,8 +137,8 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
 
     @property
     def length(self) -> int:
-        """Number of rounds of a game."""
-        return self.tasks[0].game.scenario.max_cycles
+        """Mean number of rounds of a game."""
+        return round(float(np.mean([task.game.scenario.max_cycles for task in self.tasks])))
 
     @property
     def done(self) -> float:

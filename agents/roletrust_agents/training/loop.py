@@ -85,7 +85,7 @@ def train(
     rounds = (
         curve[-1].steps + len(curve) * GAMES * run.scenario.max_cycles + normalising_rounds(task)
     )
-    return finish(run, task, watch.best(), curve, rounds), curve
+    return finish(run, [task], watch.best(), curve, rounds), curve
 
 
 def check_games(run: Run) -> None:

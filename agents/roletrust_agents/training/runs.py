@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -309,20 +309,26 @@ def _play(
 
 
 def finish(
-    run: Run, task: AttackTask, network: Network | DeepSet, curve: list[CurvePoint], rounds: int
+    run: Run,
+    tasks: Sequence[AttackTask],
+    network: Network | DeepSet,
+    curve: list[CurvePoint],
+    rounds: int,
 ) -> SavedAttacker:
     """Return the attacker with its card, measured in games that chose nothing.
 
     Args:
         run: Run that has ended.
-        task: Task of the run.
+        tasks: Tasks of the run, which share its last games.
         network: Network that was found.
         curve: Learning curve.
         rounds: Number of all rounds that were played.
     """
-    key = (run.seed, 2)
-    scores = over_games(_play(task, network, games=_LAST_GAMES, key=key))
-    honest = over_games(_play(task, None, games=_LAST_GAMES, key=key))
+    key, each = (run.seed, 2), _LAST_GAMES // len(tasks)
+    scores, honest = (
+        over_games(np.concatenate([_play(task, who, games=each, key=key) for task in tasks]))
+        for who in (network, None)
+    )
     card = Card(
         package_version=__version__,
         task=run.task,
@@ -343,7 +349,7 @@ def finish(
         score=ScoreCard(
             mean=float(scores.mean),
             half_95=float(scores.half),
-            games=_LAST_GAMES,
+            games=each * len(tasks),
             seed=int(np.random.SeedSequence(key).generate_state(1)[0]),
             honest=float(honest.mean),
         ),

@@ -240,6 +240,12 @@ TUNED: dict[tuple[str, str], dict[str, Any]] = {
 }
 """Settings that differ from the algorithm's defaults, by task and algorithm."""
 
+WORLDS = {"games": 2, "candidates": 16, "validation": 8}
+"""The same in a setting of a suite, whose worlds share the games."""
+
+OF_WORLDS: tuple[Algo, ...] = ("evolution", "evolution-strategy")
+"""Algorithms that train in several worlds."""
+
 
 SettingsT = TypeVar("SettingsT", bound=BaseModel)
 
@@ -296,6 +302,5 @@ def make_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> Setti
     for name in changes:
         if name not in known:
             raise ValueError(f"--learner: {algo} has no setting {name!r}{suggest(name, known)}")
-    return checked_settings(
-        _KINDS[algo], f"--learner of {algo}", {**TUNED.get((task_id, algo), {}), **changes}
-    )
+    usual = WORLDS if ":" in task_id else TUNED.get((task_id, algo), {})
+    return checked_settings(_KINDS[algo], f"--learner of {algo}", {**usual, **changes})

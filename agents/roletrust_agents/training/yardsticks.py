@@ -2,8 +2,11 @@
 where it is known.
 """
 
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import NamedTuple
+
+import numpy as np
 
 from roletrust_agents.learned.policy import play_attacker
 from roletrust_agents.learned.saved import SavedAttacker, arguments_from_card
@@ -30,14 +33,15 @@ class Yardstick(NamedTuple):
 def yardsticks(attacker: SavedAttacker) -> list[Yardstick]:
     """Return the scores to compare with, in the held-out games of the attacker's own score."""
     card, score = attacker.card, attacker.card.score
-    script = best_script(attacker.task(), games=score.games, seed=score.seed)
+    tasks = attacker.tasks()
+    script = best_script(tasks, games=score.games // len(tasks), seed=score.seed)
     known = known_scores(
         arguments_from_card(card.task, card.trust_model, card.scenario), score.seed
     )
     return [Yardstick("honest play", score.honest), *([script] if script else []), *known]
 
 
-def best_script(task: AttackTask, *, games: int, seed: int) -> Yardstick | None:
+def best_script(tasks: Sequence[AttackTask], *, games: int, seed: int) -> Yardstick | None:
     """Return the best of the scripts with default parameters that the compromised agents can play;
     None without any.
 
@@ -48,13 +52,19 @@ def best_script(task: AttackTask, *, games: int, seed: int) -> Yardstick | None:
     for name in attackers.names():
         try:
             kind = attackers.factory(name)
-            attack = Scripts.of(task, with_paper(task, kind)).default
+            attacks = [Scripts.of(task, with_paper(task, kind)).default for task in tasks]
         except (
             ValueError
         ):  # another role, no ring, no identities in reserve, a file that is missing
             continue
-        score = play_attacker(task, Scripted(attack), games=games, seed=seed).mean()
-        best_scripts.append(Yardstick(f"best script ({describe_attack(attack)})", float(score)))
+        score = np.mean(
+            [
+                play_attacker(task, Scripted(attack), games=games, seed=seed)
+                for task, attack in zip(tasks, attacks, strict=True)
+            ]
+        )
+        words = describe_attack(attacks[0])
+        best_scripts.append(Yardstick(f"best script ({words})", float(score)))
     return max(best_scripts, key=lambda yardstick: yardstick.score, default=None)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from roletrust_env import Scenario, make_scenario, scenarios
+from roletrust_env.benchmarking.suite_files import setting_worlds
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import (
@@ -48,7 +49,13 @@ _ALGORITHMS = ("PPO", "SAC", "recurrent-PPO", *_COALITIONS)
 def train(
     context: typer.Context,
     task: Annotated[
-        str | None, typer.Argument(help=f"Attack task: {', '.join(task_names())}.")
+        str | None,
+        typer.Argument(
+            help=(
+                f"Attack task: {', '.join(task_names())}; or a setting of a suite, such as "
+                "standard:coalition, with all its selection worlds."
+            )
+        ),
     ] = None,
     learner: Annotated[
         str,
@@ -155,6 +162,10 @@ def train(
     [dim]# five seeds, for one rung of a ladder[/]
     [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
 
+    [dim]# a coalition for the worlds of the benchmark, and its measurement[/]
+    [cyan]roletrust train standard:coalition --learner evolution --model block --out results/mine[/]
+    [cyan]roletrust benchmark block --attack learned:path=results/mine[/]
+
     [dim]# play the trained attacker[/]
     [cyan]roletrust play --attack sr_2=learned:path=results/rater[/]
     """
@@ -187,13 +198,13 @@ def train(
                 "begin another"
             )
     if task is not None:
-        task_id = find_task(task)
+        task_id = task if ":" in task else find_task(task)
         name, changes = parse_parameters(learner)
         algo: Any = name.lower().replace(" ", "-")
         if algo not in map(str.lower, _ALGORITHMS):
             raise ValueError(f"unknown learner {name!r}{suggest(name, _ALGORITHMS)}")
         tuned = make_settings(task_id, algo, {**changes, **({"steps": steps} if steps else {})})
-        defaults = TASKS[task_id].defaults
+        defaults = _of_worlds(context, task, algo) if ":" in task else TASKS[task_id].defaults
         rules = make_scenario(scenario or defaults["scenario"])
         if fields := parse_settings(settings or []):
             rules = rules.change(**fields)
@@ -216,7 +227,7 @@ def train(
                 stealth=Price(weight=stealth_weight, tolerance=stealth_tolerance),
                 knowledge=knowledge,
                 accomplices=tuple(accomplice or ()),
-                consumers=consumers,
+                consumers=defaults.get("consumers", consumers),
             ),
             trust_model=models[0],
             further_models=tuple(models[1:]),
@@ -241,6 +252,31 @@ def train(
                 where=errors,
             )
             raise typer.Exit(130) from None
+
+
+def _of_worlds(context: typer.Context, task: str, algo: str) -> dict[str, Any]:
+    """Return the arguments of the task in the first world of a setting of a suite.
+
+    Raises:
+        ValueError: There is no such setting, the learner trains in one world only, or an option is
+            given that the suite decides.
+    """
+    from roletrust_agents.training.settings import OF_WORLDS
+
+    if algo not in OF_WORLDS:
+        raise ValueError(
+            f"--learner is {algo}; in the worlds of {task} it must be one of {', '.join(OF_WORLDS)}"
+        )
+    allowed = ("--learner", "--steps", "--seed", "--runs", "--out", "--model", "--resume")
+    if wrong := [name for name in given_options(context) if name not in ("task", *allowed)]:
+        raise ValueError(f"{', '.join(wrong)}: the suite decides this; leave it out for {task}")
+    world = setting_worlds(task)[0]
+    return {
+        "scenario": world.scenario,
+        "compromised": world.compromised,
+        "objective": "mislead",
+        "consumers": "received",
+    }
 
 
 def _with_engine(run: "Run") -> "Run":

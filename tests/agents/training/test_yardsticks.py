@@ -19,7 +19,7 @@ def test_the_best_script_is_at_least_as_good_as_those_of_the_paper():
         ("sr_2", "damage", BadMouthing()),
     ):
         task = make_task(**CERTAIN, compromised=(agent,), objective=objective)
-        best = best_script(task, games=2, seed=0)
+        best = best_script([task], games=2, seed=0)
         assert (
             best.score >= play_attacker(task, Scripted({agent: paper}), games=2, seed=0).mean() > 0
         )
@@ -40,6 +40,6 @@ def test_the_optimum_is_above_the_best_script_and_the_best_known_lies_are_those_
     exploit = {**CERTAIN, "compromised": ("sp_2",), "objective": "exploit"}
     (optimum,) = known_scores(exploit, seed=0)
     assert optimum.name == "optimum"
-    assert best_script(make_task(**exploit), games=1, seed=0).score < optimum.score < 1
+    assert best_script([make_task(**exploit)], games=1, seed=0).score < optimum.score < 1
     (lies,) = known_scores({**CERTAIN, "compromised": ("sr_2",), "objective": "damage"}, seed=0)
     assert lies.name == "best known"

@@ -13,11 +13,13 @@ pytest.importorskip("cma")
 from csv_files import csv_rows
 from typer.testing import CliRunner
 
-from roletrust_agents.learned import learned, load_attacker
+from roletrust_agents.learned import coalition_of, learned, load_attacker
 from roletrust_agents.learned.cards import Card
 from roletrust_agents.learned.methods import Learned
 from roletrust_agents.learned.saved import parse_attacker
 from roletrust_agents.training import coalition_loop
+from roletrust_env.benchmarking import benchmark
+from roletrust_env.benchmarking.suite_files import setting_worlds
 from roletrust_env.evaluation.search import Budget
 from roletrust_experiments.cli import app
 
@@ -207,3 +209,36 @@ def test_what_a_setting_or_a_card_cannot_be_is_refused(tmp_path):
     card["task"]["knowledge"] = "white_box"
     with refuses(ValueError, "black_box"):
         Card.model_validate_json(json.dumps(card))
+
+
+def test_a_coalition_trains_in_the_worlds_of_a_suite_and_enters_its_benchmark(tmp_path):
+    learner = "evolution:population=4,games=1,units=3,validation=1,validate_every=2,start=random"
+    out = tmp_path / "trained"
+    train(out, "quick:raters", "--learner", learner, "--steps", 400, "--model", "mean")
+    attacker = load_attacker(out)
+    worlds = setting_worlds("quick:raters")
+    assert attacker.card.scenario == worlds[0].scenario
+    assert [task.compromised for task in attacker.tasks()] == [each.compromised for each in worlds]
+    assert attacker.card.score.games == 256 // 3 * 3
+    board = benchmark(
+        "mean", "quick", attackers={"mine": coalition_of(str(out))}, workers=0, progress=False
+    )
+    attacks = {case.attack for case in board.worst_cases.values()}
+    assert attacks == {"honest", "mine"}
+    again = train(out, "quick:raters", "--learner", learner, "--resume", code=2)
+    assert_names(again, "another")  # it has other steps
+
+
+def test_what_a_suite_decides_is_refused(tmp_path):
+    for wrong, name in (("quick:clean", "clean"), ("nothing:raters", "nothing")):
+        with refuses(ValueError, name):
+            setting_worlds(wrong)
+    learner = ["--learner", "evolution"]
+    refused = {
+        "--objective": [*learner, "--objective", "damage"],
+        "--set": [*learner, "--set", "noise=0"],
+        "ppo": [],
+    }
+    for name, options in refused.items():
+        assert_names(train(tmp_path / "out", "quick:raters", *options, code=2), name)
+    assert not (tmp_path / "out").exists()
