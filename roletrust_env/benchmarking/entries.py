@@ -85,7 +85,7 @@ class Software(UntrustedModel):
 
 
 class Entry(UntrustedModel):
-    """Results of a trust model in a suite. All games are played by NumPy in double precision."""
+    """Results of a trust model in a suite."""
 
     format: Literal[5] = 5
     suite: Name
@@ -99,6 +99,12 @@ class Entry(UntrustedModel):
     software: Software
     processor: Word
     """Processor that played the cells."""
+    engine: Literal["rules"] = "rules"
+    """Engine of the games: the rules on NumPy, which every trust model can play."""
+    dtype: Literal["float64"] = "float64"
+    """Type of the numbers in the games."""
+    seed: Amount
+    """Random seed of the worlds and of the games."""
     model: Name
     """Spec of the trust model."""
     source: Source
@@ -144,6 +150,7 @@ class Entry(UntrustedModel):
             search=suite.search,
             software=Software.model_validate(store.software),
             processor=processor(),
+            seed=suite.worlds.seed,
             model=model,
             source=model_source(model),
             cells=cells,
