@@ -8,6 +8,7 @@ from roletrust_baselines.coalition import (
     ReviewBurst,
     SelfPromotion,
     ShiftedLies,
+    SlanderUnmet,
     Sleeper,
     SwapEnds,
 )
@@ -79,6 +80,7 @@ registry.register("self-promotion", SelfPromotion)
 registry.register("rank-lies", RankLies)
 registry.register("promotion", Promotion)
 registry.register("shifted-lies", ShiftedLies)
+registry.register("slander-unmet", SlanderUnmet)
 registry.register("swap-ends", SwapEnds)
 registry.register("sleeper", Sleeper)
 registry.register("review-burst", ReviewBurst)
@@ -123,6 +125,7 @@ __all__ = [
     "SelfPromotion",
     "ShiftedLies",
     "Silent",
+    "SlanderUnmet",
     "Sleeper",
     "SwapEnds",
     "Sybil",

@@ -386,6 +386,30 @@ class ShiftedLies(AgreeingRater):
 
 
 @checked_dataclass
+class SlanderUnmet(AgreeingRater):
+    """Slander of the unmet: raters that give the lowest rating to all providers that they have not
+    met, and are honest about the rest.
+
+    The honest ratings agree with those of others, so that a trust model that compares raters with
+    each other believes them. The attack needs open reports. It is not from a paper.
+
+    Attributes:
+        low: Rating of the providers that the rater has not met, in [0, 1].
+    """
+
+    low: Annotated[Share, GridValues(0.0, 0.3)] = 0.0
+
+    def reports(self, view: RaterView, estimates: Estimates, lying: Array) -> Array:
+        """Return the low rating of the providers without a service. See `AgreeingRater.reports`."""
+        means = estimates.means(view.published)
+        xp, mine = namespace(means), self._accomplice(means)
+        lies = xp.where(estimates.count > 0, means, 0 * means + self.low)
+        if mine is not None:
+            lies = xp.where(mine, 0 * means + 1, lies)
+        return xp.where(lying, lies, means)
+
+
+@checked_dataclass
 class Sleeper(RankLies):
     """Sleepers: raters that are honest until they are trusted, and lie by rank together from then
     on.

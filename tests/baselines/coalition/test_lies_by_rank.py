@@ -13,6 +13,7 @@ from roletrust_baselines import (
     RankLies,
     ReviewBurst,
     ShiftedLies,
+    SlanderUnmet,
     Sleeper,
     SwapEnds,
 )
@@ -33,6 +34,8 @@ COALITIONS = [
     ShiftedLies(),
     ShiftedLies(shift=0.4, place=0.0, by="published", start=2),
     ShiftedLies(shift=0.3, place=1.0, accomplices=(1, 4)),
+    SlanderUnmet(),
+    SlanderUnmet(low=0.2, accomplices=(1, 4), start=1, stop=7),
     SwapEnds(),
     SwapEnds(sink=0.6, lift=0.5, by="published", start=1, stop=7),
     SwapEnds(accomplices=(1, 4)),
@@ -74,10 +77,12 @@ def ratings(policy, seen, like=None):
     return found
 
 
-def slow_rating(policy, estimates, rank, j):
+def slow_rating(policy, estimates, rank, j, met):
     """The rating of one provider, by the rule in the docstring of the attack."""
     if policy.accomplices is not None and j in policy.accomplices:
         return 1.0
+    if isinstance(policy, SlanderUnmet):
+        return estimates[j] if met else policy.low
     if isinstance(policy, CheatingRing):
         return estimates[j] * (1 - policy.sink) if rank[j] <= policy.cut else estimates[j]
     if isinstance(policy, Promotion):
@@ -123,7 +128,12 @@ def slow_ratings(policy, seen, rater, game):
             awake = awake or (lies and view.trust[rater, game] >= policy.wakes_at)
             lies = awake and (policy.stop is None or t < policy.stop)
         found.append(
-            [slow_rating(policy, estimates, rank, j) if lies else estimates[j] for j in range(P)]
+            [
+                slow_rating(policy, estimates, rank, j, bool(perceived[j]))
+                if lies
+                else estimates[j]
+                for j in range(P)
+            ]
         )
     return found
 
