@@ -331,7 +331,9 @@ class CollusionAttackEnv(AttackEnv):
     ## Description
 
     `RoleTrust/CollusionAttack-v0`. By default the learner controls two raters and a provider,
-    `sr_8`, `sr_9` and `sp_9`, in `crowd-10x10`, and its objective is `damage`.
+    `sr_8`, `sr_9` and `sp_9`, in `crowd-10x10`, and its objective is `damage`. Without a stealth
+    cost the best attack is to rate every honest provider 0, as the script `collusion` does. With
+    one, the trust of its agents has to stay near that of the others.
 
     ## Action Space
 

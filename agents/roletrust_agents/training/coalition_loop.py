@@ -19,6 +19,7 @@ from roletrust_agents.training.runs import (
     RunFolder,
     TrainingReport,
     finish,
+    interruptible,
 )
 from roletrust_agents.training.settings import (
     CoalitionPPOSettings,
@@ -43,7 +44,7 @@ _KINDS: dict[type[CoalitionSettings], type[CoalitionTraining[Any]]] = {
 def train(
     run: Run, folder: RunFolder, on_report: OnReport
 ) -> tuple[SavedAttacker, list[CurvePoint]]:
-    """Train from the folder's last checkpoint, or from the beginning, to the end.
+    """Train from the folder's last checkpoint, or from the beginning, to the end or to Ctrl-C.
 
     Args:
         run: Run to train.
@@ -57,14 +58,17 @@ def train(
     training = _training(run)
     curve = _take_up(training, folder)
     before, began = (curve[-1].seconds if curve else 0.0), perf_counter()
-    while not curve or training.rounds < run.steps:
-        training.step()
-        if training.due() or training.rounds >= run.steps:
-            score = training.validate()
-            seconds = before + perf_counter() - began
-            curve.append(CurvePoint(training.rounds, seconds, float(score.mean), float(score.half)))
-            _save(training, curve, folder)
-        on_report(TrainingReport(min(training.rounds, run.steps), curve))
+    with interruptible(curve):
+        while not curve or training.rounds < run.steps:
+            training.step()
+            if training.due() or training.rounds >= run.steps:
+                score = training.validate()
+                seconds = before + perf_counter() - began
+                curve.append(
+                    CurvePoint(training.rounds, seconds, float(score.mean), float(score.half))
+                )
+                _save(training, curve, folder)
+            on_report(TrainingReport(min(training.rounds, run.steps), curve))
     tasks = tasks_from_card(run.task, run.trust_model, run.scenario)
     return finish(run, tasks, training.network, curve, training.rounds), curve
 

@@ -32,6 +32,7 @@ from roletrust_agents.training.runs import (
     RunFolder,
     TrainingReport,
     finish,
+    interruptible,
     score_of,
 )
 from roletrust_agents.training.settings import OnPolicySettings, learner_settings
@@ -51,7 +52,7 @@ _FEW = 4  # games of a learner that is made to measure its memory
 def train(
     run: Run, folder: RunFolder, on_report: OnReport
 ) -> tuple[SavedAttacker, list[CurvePoint]]:
-    """Train from the folder's last checkpoint, or from the beginning, to the end.
+    """Train from the folder's last checkpoint, or from the beginning, to the end or to Ctrl-C.
 
     Args:
         run: Run to train.
@@ -78,9 +79,12 @@ def train(
         callbacks: list[BaseCallback] = [watch]
         if isinstance(settings, OnPolicySettings) and settings.log_std_last is not None:
             callbacks.append(Narrowing(settings.log_std_init, settings.log_std_last, run.steps))
-        model.learn(
-            run.steps - model.num_timesteps, callback=callbacks, reset_num_timesteps=last is None
-        )
+        with interruptible(watch.curve):
+            model.learn(
+                run.steps - model.num_timesteps,
+                callback=callbacks,
+                reset_num_timesteps=last is None,
+            )
     curve = watch.curve
     rounds = (
         curve[-1].steps + len(curve) * GAMES * run.scenario.max_cycles + normalising_rounds(task)

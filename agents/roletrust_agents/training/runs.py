@@ -292,6 +292,16 @@ class TrainingReport(NamedTuple):
 OnReport = Callable[[TrainingReport], None]
 
 
+@contextmanager
+def interruptible(curve: Sequence[CurvePoint]) -> Iterator[None]:
+    """Let Ctrl-C end the context without an error, unless the learning curve is empty."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not curve:
+            raise
+
+
 def score_of(task: AttackTask, network: Network | DeepSet, seed: int) -> GameMean:
     """Return the score of a network during training."""
     return over_games(_play(task, network, games=GAMES, key=(seed, 1)))
@@ -318,7 +328,7 @@ def finish(
     """Return the attacker with its card, measured in games that chose nothing.
 
     Args:
-        run: Run that has ended.
+        run: Run that has ended, or was stopped after its last point of the curve.
         tasks: Tasks of the run, which share its last games.
         network: Network that was found.
         curve: Learning curve.
@@ -339,7 +349,7 @@ def finish(
         architecture=network.architecture,
         training=TrainingCard(
             algorithm=run.algo,
-            steps=run.steps,
+            steps=min(run.steps, curve[-1].steps),
             rounds=rounds,
             seed=run.seed,
             seconds=round(curve[-1].seconds, 1),

@@ -2,7 +2,7 @@
 where it is known.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -15,7 +15,10 @@ from roletrust_env.evaluation.measurement import TaskArguments
 from roletrust_env.evaluation.scripts import Scripts, describe_attack, with_paper
 from roletrust_env.evaluation.search import UnsuitableError, find, search_methods
 from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy import registry as attackers
+
+_FEW, _LEADING = 16, 3  # games that choose the leading scripts, which then play all games
 
 
 class Yardstick(NamedTuple):
@@ -24,10 +27,12 @@ class Yardstick(NamedTuple):
     Attributes:
         name: Name of the attack, or of the bound.
         score: Mean reward per round.
+        is_script: Whether it is the score of a script, which a learner should exceed.
     """
 
     name: str
     score: float
+    is_script: bool = False
 
 
 def yardsticks(attacker: SavedAttacker) -> list[Yardstick]:
@@ -46,26 +51,33 @@ def best_script(tasks: Sequence[AttackTask], *, games: int, seed: int) -> Yardst
     None without any.
 
     Where raters and providers are compromised, the script of one role goes with the paper's attack
-    of the other.
+    of the other. The first 16 games choose three scripts, and only these play all games.
     """
-    best_scripts = []
+    attacks = []
     for name in attackers.names():
         try:
             kind = attackers.factory(name)
-            attacks = [Scripts.of(task, with_paper(task, kind)).default for task in tasks]
+            attacks.append([Scripts.of(task, with_paper(task, kind)).default for task in tasks])
         except (
             ValueError
         ):  # another role, no ring, no identities in reserve, a file that is missing
             continue
-        score = np.mean(
-            [
-                play_attacker(task, Scripted(attack), games=games, seed=seed)
-                for task, attack in zip(tasks, attacks, strict=True)
-            ]
+
+    def score(attack: Sequence[Mapping[str, Policy]], games: int) -> float:
+        scores = [
+            play_attacker(task, Scripted(policies), games=games, seed=seed)
+            for task, policies in zip(tasks, attack, strict=True)
+        ]
+        return float(np.mean(scores))
+
+    attacks.sort(key=lambda attack: score(attack, min(_FEW, games)), reverse=True)
+    leading = [
+        Yardstick(
+            f"best script ({describe_attack(attack[0])})", score(attack, games), is_script=True
         )
-        words = describe_attack(attacks[0])
-        best_scripts.append(Yardstick(f"best script ({words})", float(score)))
-    return max(best_scripts, key=lambda yardstick: yardstick.score, default=None)
+        for attack in attacks[:_LEADING]
+    ]
+    return max(leading, key=lambda yardstick: yardstick.score, default=None)
 
 
 def known_scores(arguments: TaskArguments, seed: int) -> list[Yardstick]:

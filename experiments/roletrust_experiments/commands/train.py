@@ -134,9 +134,11 @@ def train(
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/],
     checkpoints, and, except by learners of coalitions, a log for TensorBoard. The score is the mean
-    reward per round in held-out games. An interrupted run continues with [cyan]--resume --out
-    DIR[/]; to continue several runs, give the whole command again with [cyan]--resume[/]. On the
-    same machine, the same seed gives the same result to the last bit if the run is not interrupted.
+    reward per round in held-out games, in which the best script plays, too. Ctrl-C ends a run
+    early: the best attacker so far is saved and scored. A second Ctrl-C ends at once. A run
+    continues with [cyan]--resume --out DIR[/]; to continue several runs, give the whole command
+    again with [cyan]--resume[/]. On the same machine, the same seed gives the same result to the
+    last bit if the run is not interrupted.
 
     [bold]Examples[/]
 
@@ -240,8 +242,10 @@ def train(
         (folder.run(plan, resume), folder) for plan, folder in zip(planned, folders, strict=True)
     ]:
         try:
-            _train(card, folder)
-        except KeyboardInterrupt:
+            completed = _train(card, folder)
+        except KeyboardInterrupt:  # before the first score, or again
+            completed = False
+        if not completed:
             again = (
                 shlex.join(["--resume", "--out", str(out)])
                 if runs == 1
@@ -251,7 +255,7 @@ def train(
                 f"Stopped. The training so far is kept; continue with: roletrust train {again}",
                 where=errors,
             )
-            raise typer.Exit(130) from None
+            raise typer.Exit(130)
 
 
 def _of_worlds(context: typer.Context, task: str, algo: str) -> dict[str, Any]:
@@ -297,8 +301,10 @@ def _is_coalition(algo: str) -> bool:
     return algo in map(str.lower, _COALITIONS)
 
 
-def _train(run: "Run", folder: "RunFolder") -> None:
-    """Train a run from its last checkpoint or from the beginning."""
+def _train(run: "Run", folder: "RunFolder") -> bool:
+    """Train a run from its last checkpoint or from the beginning, and save and compare the best
+    attacker. Return whether the training is completed; Ctrl-C ends it early.
+    """
     from roletrust_agents.learned import save_attacker
     from roletrust_agents.learned.saved import task_from_card
     from roletrust_agents.training import coalition_loop, loop
@@ -334,15 +340,22 @@ def _train(run: "Run", folder: "RunFolder") -> None:
     write_figure(folder.path / "curve.png", learning_figure(run.algo, attacker, curve))
     save_attacker(attacker, folder.path / "attacker", write_bytes)
     score = attacker.card.score
-    others = ", ".join(
-        f"{yardstick.name} {yardstick.score:.4f}" for yardstick in yardsticks(attacker)
-    )
     tell(
         f"{title}: score {score.mean:.4f} ± {score.half_95:.4f} in {score.games} held-out games; "
         f"{attacker.card.training.seconds:.0f} s"
     )
-    tell(f"In the same games: {others}")
+    others = yardsticks(attacker)
+    shown = ", ".join(f"{yardstick.name} {yardstick.score:.4f}" for yardstick in others)
+    tell(f"In the same games: {shown}")
     tell(f"Written to {folder.path}: attacker.json, attacker.safetensors, curve.csv, curve.png")
+    completed: bool = attacker.card.training.steps == run.steps
+    script = next((other for other in others if other.is_script), None)
+    if completed and script and score.mean - score.half_95 <= script.score:
+        tell(
+            "The attacker is not better than the script by more than its interval "
+            f"({score.mean:.4f} ± {score.half_95:.4f} against {script.score:.4f}): play the "
+            f"script, or train longer, such as --steps {2 * run.steps}"
+        )
     if (
         len(run.task.compromised) == 1
         and run.task.knowledge == "black_box"
@@ -352,6 +365,7 @@ def _train(run: "Run", folder: "RunFolder") -> None:
         tell(
             f"Next: {shlex.join(['roletrust', 'play', run.scenario.name, '--attack', attack, '--video'])}"  # noqa: E501
         )
+    return completed
 
 
 def _model_card(text: str, rules: Scenario) -> "ModelCard":

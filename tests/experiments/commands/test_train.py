@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 from roletrust_agents.learned.methods import learned_methods
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import ZOO, load_attacker
+from roletrust_agents.training import loop
 from roletrust_agents.training.learners import (
     make_model,
     network_of,
@@ -44,7 +45,7 @@ def _few_yardsticks(monkeypatch):
     """Which have a test of their own, and take longer than these trainings."""
     found = [
         Yardstick("honest play", 0.0),
-        Yardstick("best script (sp_2: on-off:raters=[0,1])", 0.2),
+        Yardstick("best script (sp_2: on-off:raters=[0,1])", 0.2, is_script=True),
     ]
     monkeypatch.setattr("roletrust_agents.training.yardsticks.yardsticks", lambda attacker: found)
 
@@ -333,6 +334,22 @@ def test_what_is_to_go_on_of_several_runs_is_said(tmp_path):
     (tmp_path / "seed-0").mkdir()
     refused = run("train", "--resume", "--out", tmp_path)
     assert "the whole command again" in " ".join(refused.output.split())
+
+
+def test_a_run_that_is_stopped_is_saved_with_its_scores_and_goes_on(tmp_path, monkeypatch):
+    learn = loop.train
+
+    def stop(report):
+        if len(report.curve) == 3:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(loop, "train", lambda run, folder, _: learn(run, folder, stop))
+        stopped = printed("train", "ProviderAttack", *PPO, "--out", tmp_path, code=130)
+    card = load_attacker(tmp_path).card
+    assert card.training.steps == 240
+    assert_names(stopped, f"{card.score.mean:.4f}", "0.2000", "--resume")
+    assert train(tmp_path, "--resume")[0].card.training.steps == 1600
 
 
 def test_an_interrupted_run_says_how_to_go_on(tmp_path, monkeypatch):

@@ -122,6 +122,7 @@ def test_an_interrupted_run_goes_on_to_the_same_end(tmp_path, monkeypatch, learn
     learn = coalition_loop.train
     monkeypatch.setattr(coalition_loop, "train", lambda run, folder, _: learn(run, folder, stop))
     assert "--resume" in train(tmp_path / "part", *arguments, code=130)
+    assert load_attacker(tmp_path / "part").card.training.steps < 2400
     monkeypatch.undo()
     train(tmp_path / "part", "--resume")
     assert np.array_equal(weights(tmp_path / "whole"), weights(tmp_path / "part"))
