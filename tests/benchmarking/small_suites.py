@@ -33,6 +33,7 @@ def small(**changes: Any) -> Suite:
         "own": ["block", "solo-threshold"],
         "attacks": ["bad-mouthing", "rank-lies", "on-off", "milking-ring", "sybil-ring:reserve=3"],
         "methods": ["scripts", "search"],
+        "replayed": [],
         "search": {"candidates": 16, "games": 1},
     }
     if "models" in changes:
