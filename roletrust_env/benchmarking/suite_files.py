@@ -158,10 +158,15 @@ def reproduction_command(suite: AnySuite, path: Path) -> str:
     options = ["--suite", name if name in _names() else f"{name}.toml"]
     options += ["--worlds", seed] if seed else []
     names = list(suite.models) if isinstance(suite, Suite) else []
+    bundled = load_suite(name) if name in _names() else suite
     if isinstance(suite, LearnersSuite):
-        bundled = load_suite(name) if name in _names() else suite
         if getattr(bundled, "learners", None) != suite.learners:
             options += [part for learner in suite.learners for part in ("--learner", learner)]
-    elif "search" in suite.methods:
-        options.append("--search")
+    elif isinstance(bundled, Suite):
+        if "search" in suite.methods:
+            options.append("--search")
+        scripts = suite.attacks if suite.attacks != bundled.attacks else ()
+        trained = () if suite.replayed == bundled.replayed else suite.replayed
+        attacks = dict.fromkeys([*scripts, *(attack.name for attack in trained)])
+        options += [part for attack in attacks for part in ("--attack", attack)]
     return shlex.join(["roletrust", "benchmark", *names, *options, "--out", str(path.parent)])

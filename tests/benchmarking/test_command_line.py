@@ -1,6 +1,7 @@
 """The command that reproduces a run, compared with the suite that the command line makes of it."""
 
 import shlex
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,13 @@ def test_a_suite_of_the_project_is_given_by_its_name(search):
     words = shlex.split(reproduction_command(played, FILE))
     expected = ["mean", "median", "--suite", "quick", "--worlds", "3", *["--search"] * search]
     assert words == ["roletrust", "benchmark", *expected, "--out", "results/my run"]
+
+
+def test_attacks_that_replace_those_of_a_suite_are_options():
+    played = selected_suite(load_suite("quick"), ["mean"], ["on-off", "rank-lies"])
+    words = shlex.split(reproduction_command(played, FILE))
+    given = [word for option, word in pairwise(words) if option == "--attack"]
+    assert given == ["on-off", "rank-lies"]
 
 
 def test_learners_are_options():

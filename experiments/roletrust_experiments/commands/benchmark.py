@@ -200,10 +200,13 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path | None = None) ->
     """Print the leaderboard with the published models, and write it to a folder."""
     board = placed(suite, cells)
     if all(row.missing for row in board.rows) and not cells:
-        raise ValueError(f"suite {suite.name} does not have published models; name those to play")
+        ways = ", ".join(suite.methods)
+        raise ValueError(
+            f"suite {suite.name} has no models that are published with {ways}; name those to play"
+        )
     console.print(escape(repr(board)), soft_wrap=True)
     if "search" not in suite.methods:
-        tell("These are scripted attacks. A search for attacks (--search) may lower the scores.")
+        tell("These attacks are not searched. A search (--search) may lower the scores.")
     elif board.convergence:
         tell(board.convergence)
     if out is None:

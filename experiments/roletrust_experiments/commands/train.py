@@ -58,12 +58,15 @@ def train(
         ),
     ] = None,
     learner: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar=NAMED,
-            help=f"Learner, also with settings (gamma=0.9): {', '.join(_ALGORITHMS)}.",
+            help=(
+                f"Learner, also with settings (gamma=0.9): {', '.join(_ALGORITHMS)}. The "
+                "default is PPO, and evolution in the worlds of a suite."
+            ),
         ),
-    ] = "PPO",
+    ] = None,
     steps: Annotated[
         int | None,
         typer.Option(
@@ -165,7 +168,7 @@ def train(
     [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
 
     [dim]# a coalition for the worlds of the benchmark, and its measurement[/]
-    [cyan]roletrust train standard:coalition --learner evolution --model block --out results/mine[/]
+    [cyan]roletrust train standard:coalition --model block --out results/mine[/]
     [cyan]roletrust benchmark block --attack learned:path=results/mine[/]
 
     [dim]# play the trained attacker[/]
@@ -201,7 +204,7 @@ def train(
             )
     if task is not None:
         task_id = task if ":" in task else find_task(task)
-        name, changes = parse_parameters(learner)
+        name, changes = parse_parameters(learner or ("evolution" if ":" in task else "PPO"))
         algo: Any = name.lower().replace(" ", "-")
         if algo not in map(str.lower, _ALGORITHMS):
             raise ValueError(f"unknown learner {name!r}{suggest(name, _ALGORITHMS)}")

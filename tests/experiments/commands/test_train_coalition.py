@@ -234,11 +234,10 @@ def test_what_a_suite_decides_is_refused(tmp_path):
     for wrong, name in (("quick:clean", "clean"), ("nothing:raters", "nothing")):
         with refuses(ValueError, name):
             setting_worlds(wrong)
-    learner = ["--learner", "evolution"]
     refused = {
-        "--objective": [*learner, "--objective", "damage"],
-        "--set": [*learner, "--set", "noise=0"],
-        "ppo": [],
+        "--objective": ["--objective", "damage"],
+        "--set": ["--set", "noise=0"],
+        "ppo": ["--learner", "PPO"],
     }
     for name, options in refused.items():
         assert_names(train(tmp_path / "out", "quick:raters", *options, code=2), name)
