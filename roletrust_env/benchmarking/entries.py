@@ -356,13 +356,13 @@ def replay_entry(entry: Entry, suite: Suite, cells: Sequence[Cell], pool: Pool) 
 
 
 def records_of(entry: Entry) -> dict[AnyCell, dict[str, str]]:
-    """Return the records of the attacks of an entry by name, by cell. Scripts have none: all of the
-    suite are played, so that an entry cannot leave out one.
+    """Return the records of the searched attacks of an entry by name, by cell. All others are those
+    of the suite, so that an entry cannot leave out one.
     """
     return {
         cell: {row.attack: row.record for row in result.rows}
         for cell, result in entry.stored()
-        if cell.method not in ("scripts", "honest")
+        if cell.method == "search"
     }
 
 

@@ -22,8 +22,14 @@ from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.run import InProcess, play_suite
 from roletrust_env.benchmarking.store import ResultStore
+from roletrust_env.benchmarking.suite import ReplayedAttack
+from roletrust_env.evaluation.agreed import AgreedScripts
+from roletrust_env.evaluation.attackers import record_of
 
-SUITE = tiny(methods=["scripts", "search"], models=["mean"])
+SEEN = ReplayedAttack(
+    name="seen", setting="raters", record=record_of(AgreedScripts(("rank-lies",)))
+)
+SUITE = tiny(methods=["scripts", "replayed", "search"], replayed=[SEEN], models=["mean"])
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +138,7 @@ def test_false_entries_are_found_without_a_game(entry: Entry) -> None:
 def test_replayed_cells_are_equal_and_false_scores_are_found(entry: Entry) -> None:
     cells = [cell for cell, _ in entry.stored()]
     pool = LocalPool(1, records=records_of(entry), keep=True)
-    assert [check.message for check in replay_entry(entry, SUITE, cells, pool)] == ["equal"] * 3
+    assert {check.message for check in replay_entry(entry, SUITE, cells, pool)} == {"equal"}
 
     def better(data: Any) -> None:
         for cell in data["cells"]:
@@ -143,6 +149,22 @@ def test_replayed_cells_are_equal_and_false_scores_are_found(entry: Entry) -> No
 
     false = changed(entry, better)
     assert not any(check.ok for check in replay_entry(false, SUITE, cells, pool))
+
+
+def test_all_replayed_attacks_of_a_suite_must_be_met(entry: Entry) -> None:
+    def replaced(data: Any) -> None:
+        for cell in data["cells"]:
+            for attack in cell["attacks"]:
+                attack["attack"] = attack["attack"].replace("seen", "unseen")
+
+    def other_record(data: Any) -> None:
+        for cell in data["cells"]:
+            for attack in cell["attacks"]:
+                attack["record"] = record_of(AgreedScripts())
+
+    assert not verdicts(changed(entry, replaced))["completeness"]
+    recorded = records_of(changed(entry, other_record))
+    assert {cell.method for cell in recorded} == {"search"}
 
 
 def test_damaged_files_are_refused(tmp_path: Path, entry: Entry) -> None:
