@@ -79,9 +79,12 @@ def find_attacks(play: CellPlay) -> Iterator[FoundAttack]:
         yield from search(play, bases)
     else:
         yield honest
+        task = play.task("selection", 0)
         for found in suite.replayed_in(cell.setting):
-            words = f"replayed attack, found by {found.finder}" if found.finder else "replayed"
-            yield FoundAttack(found.name, read_record(found.record), words)
+            attacker = read_record(found.record)
+            own = attacker.describe(task) if isinstance(attacker, AgreedScripts) else "replayed"
+            words = f"{own}, found by {found.finder}" if found.finder else own
+            yield FoundAttack(found.name, attacker, words)
 
 
 def playable(suite: Suite, cell: Cell, task: AttackTask) -> list[str]:

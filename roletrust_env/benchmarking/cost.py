@@ -42,7 +42,9 @@ def estimate_seconds(suite: Suite, cells: Sequence[Cell]) -> dict[str, float]:
     speeds, rounds = dict[tuple[str, Rule], float](), dict[Cell, int]()
     seconds = {}
     for cell in cells:
-        who, where = (cell.model, cell.rule), cell._replace(model=suite.model_names[0])
+        # The number of rounds depends neither on the model nor on the choice rule.
+        who = (cell.model, cell.rule)
+        where = cell._replace(model=suite.solo["common"], rule="common")
         if who not in speeds:
             speeds[who] = _seconds_each(suite, cell._replace(setting=setting, method="scripts"))
         if where not in rounds:

@@ -279,7 +279,7 @@ def check_entry(entry: Entry, suite: Suite) -> list[Check]:
         entry: Entry to check.
         suite: Suite that it says to be of, with its trust model.
     """
-    same = entry.suite_sha256 == suite_hash(suite)
+    same = (entry.suite_sha256, entry.seed) == (suite_hash(suite), suite.worlds.seed)
     checks = [Check("suite", same, f"{entry.suite} {entry.version}, hash {entry.suite_sha256:.8}")]
     here = model_source(entry.model)
     message = f"{here.made_by}, hash {here.sha256:.8}"
@@ -291,8 +291,11 @@ def check_entry(entry: Entry, suite: Suite) -> list[Check]:
     missing = sorted(
         wanted - {cell.key for cell, result in stored if _faced_all(suite, cell, result)}
     )
+    keys = [cell.key for cell, _ in stored]
+    twice = sorted({key for key in keys if keys.count(key) > 1})
     words = f"missing: {missing[0]}" if missing else f"{len(stored)} cells"
-    checks.append(Check("completeness", not missing, words))
+    words = f"twice: {twice[0]}" if twice else words
+    checks.append(Check("completeness", not missing and not twice, words))
     wrong = [cell.key for cell, result in stored if not _consistent(suite, result)]
     words = f"wrong: {wrong[0]}" if wrong else "scores in their ranges, the worst attack measured"
     checks.append(Check("consistency", not wrong, words))

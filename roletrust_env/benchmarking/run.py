@@ -55,11 +55,10 @@ def benchmark(
             of these. `"all"` means the models of the suite. None plays nothing: the leaderboard
             then has the published models.
         suite: Name of a suite, path of a TOML file, or a `Suite`.
-        attacks: Specs of scripted attacks that replace those of the suite, or one spec. Published
-            models, which did not face them, are then left out.
+        attacks: Specs of scripted attacks, or one spec. They and the attackers replace all attacks
+            of the suite, so that published models, which did not face them, are left out.
         attackers: Trained attackers by name that play in every setting, such as a
-            `CoalitionAttacker`. Without `attacks` they replace the scripted attacks. Published
-            models are then left out, too.
+            `CoalitionAttacker`.
         search: Also search for attacks, which takes hours instead of minutes.
         workers: Number of processes. None means one for each core. With 0 the cells are played in
             this process.
@@ -129,19 +128,22 @@ def selected_suite(
     Args:
         suite: Suite to change.
         models: Specs of trust models that replace those of the suite.
-        attacks: Specs of scripted attacks that replace those of the suite. Empty keeps the attacks
-            of the suite.
-        attackers: Trained attackers, see `benchmark`.
+        attacks: Specs of scripted attacks. They and the attackers replace all attacks of the suite,
+            unless both are empty.
+        attackers: Trained attackers by name, see `benchmark`.
 
     Raises:
         ValueError: A name is unknown, or a model or an attack cannot be created.
     """
     selected = with_models(suite, models)
-    named = tuple(dict.fromkeys(attacks)) or suite.attacks
-    selected = selected.model_copy(update={"attacks": named})
+    if attacks or attackers:
+        replaced = {"replayed"} if attacks else {"replayed", "scripts"}
+        methods = tuple(name for name in suite.methods if name not in replaced)
+        named = tuple(dict.fromkeys(attacks)) or suite.attacks
+        changes = {"attacks": named, "methods": methods, "replayed": ()}
+        selected = selected.model_copy(update=changes)
     if attackers:
-        methods = tuple(name for name in suite.methods if attacks or name != "scripts")
-        selected = with_attackers(selected.model_copy(update={"methods": methods}), attackers)
+        selected = with_attackers(selected, attackers)
     parse_kinds((*selected.attacks, *selected.usual.values()), selected.worlds.world("measured", 0))
     check_attacks(selected)
     return selected

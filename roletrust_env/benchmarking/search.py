@@ -22,6 +22,9 @@ _POPULATION = 8
 _SPREAD = 0.3
 """Standard deviation of the first generation of CMA-ES, whose mean is the middle of all ranges."""
 
+_UNDEFINED = 1000.0
+"""Skill in place of one that is undefined, which no attacker wants."""
+
 FINALISTS = 4
 """Number of the best attacks that are tried again in all games of the selection worlds. The best of
 many noisy scores is biased."""
@@ -66,7 +69,7 @@ def search(play: CellPlay, bases: Sequence[tuple[str, ...]]) -> Iterator[FoundAt
         _evolve(trial, base, AgreedScripts(base).scripts(task).size, start)
         finalists = [trial.attacks[k] for k in np.argsort(trial.skills, kind="stable")[:FINALISTS]]
         skills = mean_or_nan(play.measure("selection", finalists).scores["skill"], axis=0)
-        attack = finalists[int(np.argmin(skills))]
+        attack = finalists[int(np.argmin(np.where(np.isnan(skills), np.inf, skills)))]
         yield FoundAttack(
             f"search {start + 1}",
             attack,
@@ -126,7 +129,8 @@ def _evolve(trial: _Trial, base: tuple[str, ...], size: int, start: int) -> None
     for _ in range(max(1, trial.candidates // _POPULATION)):
         generation = strategy.ask()
         points = [_point(point[:size]) for point in generation]
-        strategy.tell(generation, trial.play([AgreedScripts(base, p) for p in points]).tolist())
+        skills = trial.play([AgreedScripts(base, p) for p in points])
+        strategy.tell(generation, np.where(np.isnan(skills), _UNDEFINED, skills).tolist())
 
 
 def _point(values: Floats) -> tuple[float, ...]:

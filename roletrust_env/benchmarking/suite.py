@@ -2,12 +2,13 @@
 cells.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, PositiveInt, TypeAdapter, model_validator
 
-from roletrust_env.benchmarking.schema import Label, Name, SuiteSchema, check_unique
+from roletrust_env.benchmarking.schema import FORBIDDEN, Label, Name, SuiteSchema, check_unique
 from roletrust_env.benchmarking.worlds import (
     AttackedWorld,
     Distribution,
@@ -86,7 +87,8 @@ class Search(FrozenModel):
     """Budget of a search for an attack, the same for each trust model and setting."""
 
     candidates: PositiveInt = 24
-    """Number of attacks that each start tries after the scripted ones."""
+    """Number of attacks that each start tries after the scripted ones, in generations of eight, at
+    least one."""
     games: PositiveInt = 2
     """Number of games in each selection world in which they are tried."""
     starts: Annotated[int, Field(ge=1, le=10)] = 2
@@ -297,11 +299,17 @@ def with_attackers(suite: Suite, attackers: Mapping[str, Attacker]) -> Suite:
         ValueError: An attacker cannot be recorded, or a name is not allowed.
     """
     replayed = list[ReplayedAttack]()
+    if not isinstance(attackers, Mapping):
+        raise ValueError(f"attackers is of {type(attackers)}; it must map names to attackers")
     for name, attacker in attackers.items():
-        if not (record := record_of(attacker)):
+        if not isinstance(name, str) or name in ("", "honest"):
+            raise ValueError(f"an attacker has the name {name!r}, which is not allowed")
+        if isinstance(attacker, type) or not (record := record_of(attacker)):
             raise ValueError(f"attacker {name!r} is of {type(attacker)}, which has no record")
         replayed += [
-            ReplayedAttack(name=name, setting=setting, record=record)
+            ReplayedAttack(
+                name=re.sub(FORBIDDEN, "_", name), setting=setting, finder=name, record=record
+            )
             for setting, fields in suite.settings.items()
             if fields.roles
         ]

@@ -140,7 +140,16 @@ def _fields(path: Path, *extending: Path) -> dict[str, Any]:
             "beside it"
         )
     file = _FOLDER / f"{base}.toml" if base in names else path.parent / base
-    return {**_fields(file, path, *extending), **data}
+    fields = {**_fields(file, path, *extending), **data}
+    if "replayed" not in data:  # those of the other suite, as far as they fit
+        wanted = "replayed" in data.get("methods", ["replayed"])
+        known = fields.get("settings", {})
+        replayed = [x for x in fields.get("replayed", ()) if wanted and x["setting"] in known]
+        methods = fields.get("methods", ())
+        fields |= {"replayed": replayed} if "replayed" in fields else {}
+        if "methods" not in data and "replayed" in methods and not replayed:
+            fields["methods"] = [name for name in methods if name != "replayed"]
+    return fields
 
 
 def reproduction_command(suite: AnySuite, path: Path) -> str:
@@ -167,6 +176,6 @@ def reproduction_command(suite: AnySuite, path: Path) -> str:
             options.append("--search")
         scripts = suite.attacks if suite.attacks != bundled.attacks else ()
         trained = () if suite.replayed == bundled.replayed else suite.replayed
-        attacks = dict.fromkeys([*scripts, *(attack.name for attack in trained)])
+        attacks = dict.fromkeys([*scripts, *(attack.finder for attack in trained)])
         options += [part for attack in attacks for part in ("--attack", attack)]
     return shlex.join(["roletrust", "benchmark", *names, *options, "--out", str(path.parent)])

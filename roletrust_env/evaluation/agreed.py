@@ -12,13 +12,15 @@ from roletrust_env.evaluation.attackers import (
     Attacker,
     Scripted,
     Stackable,
+    read_record,
     recorded_attackers,
     side_by_side,
 )
 from roletrust_env.evaluation.scripts import Scripts, describe_attack
-from roletrust_env.evaluation.specs import parse_kinds
+from roletrust_env.evaluation.specs import check_installed, parse_kinds
 from roletrust_env.game.attack_task import AttackTask, TaskState
 from roletrust_env.game.policy import Policy
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.game.state import Actions
 from roletrust_env.randomness import Random
 
@@ -98,6 +100,21 @@ def agreed_scripts(attacks: Sequence[str], point: Sequence[float] | None = None)
 
 
 recorded_attackers.register("agreed-scripts", agreed_scripts)
+
+
+def check_recorded(records: Iterable[str]) -> None:
+    """Refuse records of a file that name scripts which are not installed, or which read files.
+
+    Raises:
+        ValueError: A record does so, or is not valid.
+    """
+    for record in records:
+        attacker = read_record(record) if record else None
+        if isinstance(attacker, AgreedScripts):
+            check_installed(attackers, attacker.attacks)
+            for text in attacker.attacks:
+                if not isinstance(attackers.factory(text.partition(":")[0]), type):
+                    raise ValueError(f"a record may not name {text!r}, which may read files")
 
 
 def seat(

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from small_suites import small
 
 from roletrust_env.benchmarking.cells import play_cell
+from roletrust_env.benchmarking.cost import estimate_seconds
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.play import CellPlay
 from roletrust_env.benchmarking.run import InProcess, play_suite, selected_suite
@@ -219,3 +220,10 @@ def test_a_search_without_an_attack_for_the_setting_is_unsuitable() -> None:
     result = play_cell(suite, Cell("mean", "common", "identities", "search"))
     assert result.rows == ()
     assert result.unsuitable
+
+
+def test_the_time_of_each_cell_is_estimated_by_any_choice_rule() -> None:
+    suite = small()
+    seconds = estimate_seconds(suite, suite.cells())
+    assert seconds.keys() == {cell.key for cell in suite.cells()}
+    assert all(0 < value < 100 for value in seconds.values())

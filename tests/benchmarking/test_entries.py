@@ -1,6 +1,7 @@
 """Entries of the leaderboard: what they hold, published ones, and checks that find false ones."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.run import InProcess, play_suite
 from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite import ReplayedAttack
-from roletrust_env.evaluation.agreed import AgreedScripts
+from roletrust_env.evaluation.agreed import AgreedScripts, check_recorded
 from roletrust_env.evaluation.attackers import record_of
 
 SEEN = ReplayedAttack(
@@ -174,3 +175,33 @@ def test_damaged_files_are_refused(tmp_path: Path, entry: Entry) -> None:
         path.write_text(json.dumps({**data, name: value}))
         with refuses(ValueError, "entry.json", name):
             read_entry(path)
+
+
+def test_cells_that_are_missing_or_there_twice_and_another_seed_are_found(entry: Entry) -> None:
+    def only_honest(data: Any) -> None:
+        data["cells"] = [cell for cell in data["cells"] if cell["method"] == "honest"]
+
+    def doubled(data: Any) -> None:
+        data["cells"].append(data["cells"][0])
+
+    def other_seed(data: Any) -> None:
+        data["seed"] = 77
+
+    for change, subject in (
+        (only_honest, "completeness"),
+        (doubled, "completeness"),
+        (other_seed, "suite"),
+    ):
+        wrong = [name for name, ok in verdicts(changed(entry, change)).items() if not ok]
+        assert wrong == [subject]
+
+
+@pytest.mark.parametrize("name", ["somewhere.attacks:Evil", "learned:path=/etc/passwd"])
+def test_records_name_neither_foreign_modules_nor_files(name: str) -> None:
+    with refuses(ValueError, name):
+        check_recorded([record_of(AgreedScripts(("rank-lies",))), SEEN.record, _record(name)])
+    assert "somewhere" not in sys.modules
+
+
+def _record(name: str) -> str:
+    return json.dumps({"kind": "agreed-scripts", "attacks": [name]})

@@ -17,6 +17,7 @@ from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.play import CellPlay
 from roletrust_env.benchmarking.run import play_suite
 from roletrust_env.benchmarking.store import ResultStore
+from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.models.central.means import Mean
@@ -136,3 +137,24 @@ def test_invalid_arguments_are_refused() -> None:
     ):
         with refuses(ValueError, *words):
             benchmark(models, suite, workers=0, progress=False)  # type: ignore[arg-type]
+
+
+def test_a_suite_keeps_of_another_one_the_replayed_attacks_that_fit(tmp_path: Path) -> None:
+    text = 'extends = "standard"\n[settings.raters]\nroles = ["SR"]\nshare = 0.4\n'
+    (tmp_path / "mine.toml").write_text(text)
+    (tmp_path / "scripts.toml").write_text(f'methods = ["scripts"]\n{text}')
+    other = text.replace("settings.raters", "settings.liars")
+    (tmp_path / "other.toml").write_text(other)
+    kept, scripts, none = (
+        load_suite(tmp_path / f"{name}.toml") for name in ("mine", "scripts", "other")
+    )
+    assert {attack.setting for attack in kept.replayed} == {"raters"}
+    assert kept.methods == ("scripts", "replayed")
+    assert scripts.replayed == none.replayed == ()
+    assert scripts.methods == none.methods == ("scripts",)
+
+
+@pytest.mark.parametrize("attackers", [{"honest": None}, {"": None}, {"x": CoalitionAttacker}, [1]])
+def test_wrong_attackers_are_refused(attackers: object) -> None:
+    with pytest.raises(ValueError, match="attacker"):
+        benchmark("mean", tiny(), attackers=attackers, workers=0)  # type: ignore[arg-type]

@@ -46,8 +46,8 @@ class Price(UntrustedModel):
 class TaskCard(UntrustedModel):
     """Task that the attacker was trained for."""
 
-    id: Annotated[str, Field(max_length=100)]
-    """Id of the Gymnasium task with the defaults."""
+    id: Text
+    """Id of the Gymnasium task with the defaults; or `SUITE:SETTING`."""
     compromised: Annotated[tuple[Name, ...], Field(min_length=1, max_length=1000)]
     objective: Objective
     stealth: Price = Price()

@@ -227,11 +227,16 @@ def play_task(
     return play_attacker(task, attacker, games=games, seed=seed)
 
 
-def play_attacker(task: AttackTask, attacker: Attacker, *, games: int, seed: int) -> Array:
-    """Return the score of each game of any attacker, see `play_task`."""
-    random, score = task.game.random(seed), np.zeros(games)
-    for _, outcome in weighted_outcomes(
-        task, rollout(AttackedPlayers(task, attacker), random, random, (games,))
-    ):
+def play_attacker(
+    task: AttackTask, attacker: Attacker, *, games: int, seed: int, rows: int | None = None
+) -> Array:
+    """Return the score of each game of any attacker, see `play_task`; shape (K, E) for K = `rows`
+    attackers side by side.
+    """
+    random = task.game.random(seed)
+    score = np.zeros((games,) if rows is None else (rows, games))
+    players = AttackedPlayers(task, attacker)
+    played = rollout(players, random, random, (games,), rows=rows)
+    for _, outcome in weighted_outcomes(task, played):
         score += outcome.reward
     return score / task.game.scenario.mean_length

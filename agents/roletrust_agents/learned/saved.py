@@ -75,9 +75,15 @@ def tasks_from_card(
     """Return the task described by cards, or that in each selection world of a setting of a suite.
 
     The id of the latter is `SUITE:SETTING`, see `setting_worlds`.
+
+    Raises:
+        ValueError: The suite has changed since the training.
     """
     if ":" not in task.id:
         return [task_from_card(task, trust_model, scenario, observation)]
+    worlds = setting_worlds(task.id)
+    if worlds[0].scenario != scenario:
+        raise ValueError(f"the worlds of {task.id} are no longer those of the training")
     return [
         task_from_card(
             task.model_copy(update={"compromised": world.compromised}),
@@ -85,7 +91,7 @@ def tasks_from_card(
             world.scenario,
             observation,
         )
-        for world in setting_worlds(task.id)
+        for world in worlds
     ]
 
 

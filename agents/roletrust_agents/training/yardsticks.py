@@ -10,7 +10,8 @@ import numpy as np
 
 from roletrust_agents.learned.policy import play_attacker
 from roletrust_agents.learned.saved import SavedAttacker, arguments_from_card
-from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.arrays import Array
+from roletrust_env.evaluation.attackers import Scripted, side_by_side
 from roletrust_env.evaluation.measurement import TaskArguments
 from roletrust_env.evaluation.scripts import Scripts, describe_attack, with_paper
 from roletrust_env.evaluation.search import UnsuitableError, find, search_methods
@@ -19,6 +20,7 @@ from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy import registry as attackers
 
 _FEW, _LEADING = 16, 3  # games that choose the leading scripts, which then play all games
+_ROWS = 8  # scripts side by side
 
 
 class Yardstick(NamedTuple):
@@ -51,7 +53,8 @@ def best_script(tasks: Sequence[AttackTask], *, games: int, seed: int) -> Yardst
     None without any.
 
     Where raters and providers are compromised, the script of one role goes with the paper's attack
-    of the other. The first 16 games choose three scripts, and only these play all games.
+    of the other. The first 16 games, side by side, choose three scripts, and only these play all
+    games.
     """
     attacks = []
     for name in attackers.names():
@@ -63,21 +66,31 @@ def best_script(tasks: Sequence[AttackTask], *, games: int, seed: int) -> Yardst
         ):  # another role, no ring, no identities in reserve, a file that is missing
             continue
 
-    def score(attack: Sequence[Mapping[str, Policy]], games: int) -> float:
-        scores = [
-            play_attacker(task, Scripted(policies), games=games, seed=seed)
-            for task, policies in zip(tasks, attack, strict=True)
-        ]
-        return float(np.mean(scores))
+    def scores(played: Sequence[Sequence[Mapping[str, Policy]]], games: int) -> Array:
+        """Return the mean score of each attack over the tasks and games, shape (K,)."""
+        parts = []
+        for at in range(0, len(played), _ROWS):
+            part = played[at : at + _ROWS]
+            each = [
+                play_attacker(
+                    task,
+                    Scripted(side_by_side([attack[k] for attack in part])),
+                    games=games,
+                    seed=seed,
+                    rows=len(part),
+                )
+                for k, task in enumerate(tasks)
+            ]
+            parts.append(np.mean(each, axis=(0, 2)))
+        return np.concatenate(parts)
 
-    attacks.sort(key=lambda attack: score(attack, min(_FEW, games)), reverse=True)
-    leading = [
-        Yardstick(
-            f"best script ({describe_attack(attack[0])})", score(attack, games), is_script=True
-        )
-        for attack in attacks[:_LEADING]
-    ]
-    return max(leading, key=lambda yardstick: yardstick.score, default=None)
+    if not attacks:
+        return None
+    few = max(1, min(_FEW // len(tasks), games))
+    leading = [attacks[k] for k in np.argsort(-scores(attacks, few), kind="stable")[:_LEADING]]
+    found = scores(leading, games)
+    words = describe_attack(leading[int(np.argmax(found))][0])
+    return Yardstick(f"best script ({words})", float(found.max()), is_script=True)
 
 
 def known_scores(arguments: TaskArguments, seed: int) -> list[Yardstick]:

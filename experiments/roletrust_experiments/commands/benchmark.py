@@ -2,7 +2,7 @@
 learner attacks best.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Any
@@ -26,6 +26,7 @@ from roletrust_env.benchmarking.schema import CellResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite, with_search, without_models
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite, reproduction_command
+from roletrust_env.evaluation.agreed import check_recorded
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.specs import check_installed, parse_parameters
@@ -136,13 +137,17 @@ def benchmark(
     [cyan]roletrust benchmark --suite learners-quick --learner mypackage.mine:MyLearner
     --learner PPO[/]
     """
+    loaded = load_suite(suite, worlds)
+    if isinstance(loaded, Suite) and not model:
+        _refuse(loaded, {"--learner": learner})
+        if attack:
+            raise ValueError(f"--attack is {attack[0]}; it requires a trust model to attack")
+        _show(without_models(with_search(loaded) if search else loaded), [])
+        return
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
     if ray is not None:
         require("--ray", "ray", "ray")
-    asked = _asked(load_suite(suite, worlds), model, attack, learner, search, allow_code)
-    if isinstance(asked, Suite) and not model:
-        _show(asked, [])
-        return
+    asked = _asked(loaded, model, attack, learner, search, allow_code)
     if dry_run:
         _show_cost(asked, workers)
         return
@@ -236,24 +241,29 @@ def _asked(
             file names what is not installed.
     """
     if isinstance(suite, LearnersSuite):
-        wrong = {"a model": model, "--attack": attack, "--search": search}
-    else:
-        wrong = {"--learner": learner}
-    for what, given in wrong.items():
+        _refuse(suite, {"a model": model, "--attack": attack, "--search": search})
+        return _asked_learners(suite, learner, allow_code)
+    _refuse(suite, {"--learner": learner})
+    if not allow_code:
+        check_installed(trust_models, suite.models)
+        check_installed(attackers, (*suite.attacks, *suite.usual.values()))
+        check_recorded(replayed.record for replayed in suite.replayed)
+    asked = with_search(suite) if search else suite
+    scripts, trained = _attackers(attack or ())
+    return selected_suite(asked, _expanded(model or (), suite.models), scripts, trained)
+
+
+def _refuse(suite: AnySuite, options: Mapping[str, Any]) -> None:
+    """Refuse options that are given and have no effect.
+
+    Raises:
+        ValueError: One is given.
+    """
+    for what, given in options.items():
         if given:
             raise ValueError(
                 f"{what} is not for the suite {suite.name}, which is one for {suite.kind}"
             )
-    if isinstance(suite, LearnersSuite):
-        return _asked_learners(suite, learner, allow_code)
-    if not allow_code:
-        check_installed(trust_models, suite.models)
-        check_installed(attackers, (*suite.attacks, *suite.usual.values()))
-    asked = with_search(suite) if search else suite
-    if not model:
-        return without_models(asked)
-    scripts, trained = _attackers(attack or ())
-    return selected_suite(asked, _expanded(model, suite.models), scripts, trained)
 
 
 def _attackers(names: Sequence[str]) -> tuple[list[str], dict[str, Attacker]]:

@@ -10,10 +10,9 @@ from rich.markup import escape
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.suite import Cell, Rule
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.agreed import AgreedScripts
+from roletrust_env.evaluation.agreed import check_recorded
 from roletrust_env.evaluation.attackers import Attacker, read_record
 from roletrust_env.evaluation.specs import check_installed
-from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.files import prepare_folder
 from roletrust_env.trust.model import registry as trust_models
@@ -167,10 +166,9 @@ def _choose(
             f"{path} has no attack in the setting {setting!r}{suggest(setting, settings)}"
         )
     case = board.worst_cases[model, rule, setting]
-    attack = read_record(case.record)
     if not allow_code:
         check_installed(trust_models, [model])
-        if isinstance(attack, AgreedScripts):
-            check_installed(attackers, attack.attacks)
+        check_recorded([case.record])
+    attack = read_record(case.record)
     method = next(name for name in board.suite.methods if name == case.method)
     return Cell(model, rule, setting, method), attack

@@ -20,8 +20,9 @@ from roletrust_env.benchmarking.entries import (
 )
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.store import ResultStore
-from roletrust_env.benchmarking.suite import Suite, with_models
+from roletrust_env.benchmarking.suite import Suite, with_models, with_search
 from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.evaluation.agreed import check_recorded
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.storage.files import write_text
 from roletrust_env.trust.model import registry as trust_models
@@ -96,14 +97,16 @@ def verify(
     """
     require("verifying", "train", "scipy", "cma")
     entry = read_entry(file)
-    if not allow_code:
-        check_installed(trust_models, [entry.model])
     loaded = load_suite(suite)
     if not isinstance(loaded, Suite):
         raise ValueError(f"suite {loaded.name} is for {loaded.kind}; give one of trust models")
-    methods = tuple(dict.fromkeys(cell.method for cell in entry.cells if cell.method != "honest"))
-    update = {"methods": methods, "search": entry.search}
-    asked = with_models(loaded, [entry.model]).model_copy(update=update)
+    if not allow_code:
+        check_installed(trust_models, [entry.model])
+        check_recorded(attack.record for cell in entry.cells for attack in cell.attacks)
+        check_recorded(attack.record for attack in loaded.replayed)
+    searched = any(cell.method == "search" for cell in entry.cells)
+    asked = with_models(with_search(loaded) if searched else loaded, [entry.model])
+    asked = asked.model_copy(update={"search": entry.search})
     checks = check_entry(entry, asked)
     if all(check.ok for check in checks):
         cells = [cell for cell, _ in entry.stored()]

@@ -208,8 +208,8 @@ def train(
         algo: Any = name.lower().replace(" ", "-")
         if algo not in map(str.lower, _ALGORITHMS):
             raise ValueError(f"unknown learner {name!r}{suggest(name, _ALGORITHMS)}")
-        tuned = make_settings(task_id, algo, {**changes, **({"steps": steps} if steps else {})})
         defaults = _of_worlds(context, task, algo) if ":" in task else TASKS[task_id].defaults
+        tuned = make_settings(task_id, algo, {**changes, **({"steps": steps} if steps else {})})
         rules = make_scenario(scenario or defaults["scenario"])
         if fields := parse_settings(settings or []):
             rules = rules.change(**fields)
