@@ -44,7 +44,7 @@ class Options(NamedTuple):
     """
 
     measured: int = 30
-    games: int = 4
+    games: int = 1
 
 
 FILES = ("ranks.csv", "ranks.md", "initial_trust.csv")
@@ -85,8 +85,8 @@ def main(study: Study[Options]) -> None:
     )
     note = (
         "Rank by the mean skill in the worst cases, common choice rule. The columns on choices "
-        f"play the same attacks again in {study.options.measured} worlds with "
-        f"{study.options.games} games each. Made by `{study.command}`."
+        f"play the same attacks again in {study.options.measured} worlds, games in each: "
+        f"{study.options.games}. Made by `{study.command}`."
     )
     study.page("ranks.md", table(skills), note)
 

@@ -125,6 +125,10 @@ def board_of(method: Method, results: dict[str, list[AttackResult]], **changes: 
     """Return the leaderboard of the results of some trust models in the setting `raters`."""
     fields = {**quick().model_dump(), "models": tuple(results), "own": (), "solo": SOLO, **changes}
     fields["settings"] = {"raters": fields["settings"]["raters"]}
+    fields |= {
+        "replayed": (),
+        "methods": [name for name in fields["methods"] if name != "replayed"],
+    }
     suite = Suite.model_validate(fields)
     stored = [
         (Cell(model, "common", "raters", method), CellResult(tuple(rows), 0.0))

@@ -272,8 +272,10 @@ def _attackers(names: Sequence[str]) -> tuple[list[str], dict[str, Attacker]]:
 
     scripts, trained = list[str](), dict[str, Attacker]()
     for text in dict.fromkeys(names):
-        name, parameters = parse_parameters(text)
-        if name == "learned" and parameters.keys() == {"path"}:
+        if text.startswith("learned:"):
+            parameters = parse_parameters(text)[1]
+            if parameters.keys() != {"path"}:
+                raise ValueError(f"--attack is {text}; a trained attacker is learned:path=DIR")
             trained[text] = coalition_of(str(parameters["path"]))
         else:
             scripts.append(text)

@@ -22,6 +22,7 @@ extends = "quick"
 models = ["mean"]
 own = []
 attacks = ["bad-mouthing", "rank-lies"]
+methods = ["scripts"]
 games = 1
 selection_games = 1
 limit_s = 4
