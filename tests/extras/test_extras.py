@@ -94,6 +94,7 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
     assert all(
         name in listed for name in ("paper-3x3-hog", "role-trust", "bad-mouthing", "learned")
     )
+    assert "first-hand" in cli.roletrust("benchmark")
     assert "damage" in cli.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2)
     assert "not ok" not in cli.roletrust("figures", "--service", "synthetic")
 
