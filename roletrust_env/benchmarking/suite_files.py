@@ -142,7 +142,7 @@ def _fields(path: Path, *extending: Path) -> dict[str, Any]:
     file = _FOLDER / f"{base}.toml" if base in names else path.parent / base
     fields = {**_fields(file, path, *extending), **data}
     if "replayed" not in data:  # those of the other suite, as far as they fit
-        wanted = "replayed" in data.get("methods", ["replayed"])
+        wanted = "attacks" not in data and "replayed" in data.get("methods", ["replayed"])
         known = fields.get("settings", {})
         replayed = [x for x in fields.get("replayed", ()) if wanted and x["setting"] in known]
         methods = fields.get("methods", ())

@@ -145,13 +145,14 @@ def test_a_suite_keeps_of_another_one_the_replayed_attacks_that_fit(tmp_path: Pa
     (tmp_path / "scripts.toml").write_text(f'methods = ["scripts"]\n{text}')
     other = text.replace("settings.raters", "settings.liars")
     (tmp_path / "other.toml").write_text(other)
-    kept, scripts, none = (
-        load_suite(tmp_path / f"{name}.toml") for name in ("mine", "scripts", "other")
+    (tmp_path / "attacks.toml").write_text(f'attacks = ["rank-lies"]\n{text}')
+    kept, scripts, none, attacks = (
+        load_suite(tmp_path / f"{name}.toml") for name in ("mine", "scripts", "other", "attacks")
     )
     assert {attack.setting for attack in kept.replayed} == {"raters"}
     assert kept.methods == ("scripts", "replayed")
-    assert scripts.replayed == none.replayed == ()
-    assert scripts.methods == none.methods == ("scripts",)
+    for suite in (scripts, none, attacks):
+        assert (suite.replayed, suite.methods) == ((), ("scripts",))
 
 
 @pytest.mark.parametrize("attackers", [{"honest": None}, {"": None}, {"x": CoalitionAttacker}, [1]])
