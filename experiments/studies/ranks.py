@@ -107,30 +107,26 @@ def published_cases() -> dict[tuple[str, str], WorstCase]:
 def suite_of(options: Options, choice: str) -> Any:
     """Return the suite `standard` with another choice of consumers."""
     standard: Any = load_suite("standard")
-    access = {**standard.worlds.set["access"], **CHOICES[choice]}
-    worlds = {
-        **standard.worlds.model_dump(),
-        "set": {**standard.worlds.set, "access": access},
-        "selection": 1,
-        "measured": options.measured,
-    }
-    changes = {"worlds": worlds, "games": options.games, "selection_games": 1}
-    return type(standard).model_validate({**standard.model_dump(), **changes})
+    return _resized(standard, options, access={**standard.worlds.set["access"], **CHOICES[choice]})
 
 
 def solo_skill(options: Options, trust: float) -> Run:
     """Return the skill of the solo model in honest play, in each world of the tuning."""
-    standard: Any = load_suite("standard", TUNING)
+    suite = _resized(load_suite("standard", TUNING), options, initial_trust=trust)
+    cell = Cell(suite.solo["common"], "common", "clean", "honest")
+    return {"skill": play_cell(suite, cell).rows[0].measured["skill"]}
+
+
+def _resized(suite: Any, options: Options, **changed: Any) -> Any:
+    """Return a suite of the size of the study, with changed fields of its worlds."""
     worlds = {
-        **standard.worlds.model_dump(),
-        "set": {**standard.worlds.set, "initial_trust": trust},
+        **suite.worlds.model_dump(),
+        "set": {**suite.worlds.set, **changed},
         "selection": 1,
         "measured": options.measured,
     }
     changes = {"worlds": worlds, "games": options.games, "selection_games": 1}
-    suite = type(standard).model_validate({**standard.model_dump(), **changes})
-    cell = Cell(suite.solo["common"], "common", "clean", "honest")
-    return {"skill": play_cell(suite, cell).rows[0].measured["skill"]}
+    return type(suite).model_validate({**suite.model_dump(), **changes})
 
 
 def measured(options: Options, model: str, setting: str, record: str, choice: str) -> Run:
@@ -142,14 +138,14 @@ def measured(options: Options, model: str, setting: str, record: str, choice: st
 
 def published_skills(cases: Mapping[tuple[str, str], WorstCase]) -> Skills:
     """Return the published skills, over all settings and over those with each kind of reports."""
-    settings = benchmark().suite.settings
+    standard: Any = load_suite("standard")
 
     def skills(reports: tuple[str, ...]) -> dict[str, Estimate]:
         return _by_model(
             {
                 (model, setting): case.scores["skill"]
                 for (model, setting), case in cases.items()
-                if settings[setting].reports in reports
+                if standard.settings[setting].reports in reports
             }
         )
 

@@ -5,7 +5,6 @@ benchmark`.
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from roletrust_env.benchmarking.cells import check_attacks
@@ -100,7 +99,7 @@ def benchmark(
     given: list[Any] = list(models) if isinstance(models, list | tuple) else [models]
     names, instances = name_entrants(chosen_suite.models if everything else given)
     with temporary_registration(instances):
-        selected = selected_suite(chosen_suite, names, attacks or (), attackers or {})
+        selected = selected_suite(chosen_suite, names, attacks or (), attackers)
         pool: Pool = InProcess() if workers == 0 else LocalPool(workers, pack(instances))
         with ExitStack() as stack:
             listeners = _bar(stack, selected.name) if progress else {}
@@ -120,7 +119,7 @@ def selected_suite(
     suite: Suite,
     models: Sequence[str],
     attacks: Sequence[str] = (),
-    attackers: Mapping[str, Attacker] = MappingProxyType({}),
+    attackers: Mapping[str, Attacker] | None = None,
 ) -> Suite:
     """Return the suite with other trust models and attacks, and check that all of them can be
     created.

@@ -66,7 +66,8 @@ def search(play: CellPlay, bases: Sequence[tuple[str, ...]]) -> Iterator[FoundAt
     for start in range(play.suite.search.starts):
         trial = defaults.copy()
         base = bases[order[start % len(bases)]]
-        _evolve(trial, base, AgreedScripts(base).scripts(task).size, start)
+        if size := AgreedScripts(base).scripts(task).size:
+            _evolve(trial, base, size, play.suite.search.candidates, start)
         finalists = [trial.attacks[k] for k in np.argsort(trial.skills, kind="stable")[:FINALISTS]]
         skills = mean_or_nan(play.measure("selection", finalists).scores["skill"], axis=0)
         attack = finalists[int(np.argmin(np.where(np.isnan(skills), np.inf, skills)))]
@@ -87,14 +88,12 @@ class _Trial:
         skills: Their mean skills.
         rounds: Number of game rounds that were played.
         progress: See `FoundAttack.progress`.
-        candidates: Number of attacks that a start tries after the bases.
     """
 
     def __init__(self, play: CellPlay) -> None:
         self.attacks: list[AgreedScripts] = []
         self.skills: list[float] = []
         self.rounds, self.progress = 0, list[tuple[int, float]]()
-        self.candidates = play.suite.search.candidates
         self._play = play
 
     def copy(self) -> "_Trial":
@@ -116,17 +115,15 @@ class _Trial:
         return skills
 
 
-def _evolve(trial: _Trial, base: tuple[str, ...], size: int, start: int) -> None:
+def _evolve(trial: _Trial, base: tuple[str, ...], size: int, candidates: int, start: int) -> None:
     """Change the parameters of an attack by CMA-ES until the budget is spent."""
-    if not size:
-        return
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it warns about missing plots
         import cma  # type: ignore[import-untyped]
     dimensions = max(2, size)  # CMA-ES needs two; a surplus one has no effect
     options = {"bounds": [0, 1], "popsize": _POPULATION, "seed": 1 + start, "verbose": -9}
     strategy: Any = cma.CMAEvolutionStrategy(np.full(dimensions, 0.5), _SPREAD, options)
-    for _ in range(max(1, trial.candidates // _POPULATION)):
+    for _ in range(max(1, candidates // _POPULATION)):
         generation = strategy.ask()
         points = [_point(point[:size]) for point in generation]
         skills = trial.play([AgreedScripts(base, p) for p in points])

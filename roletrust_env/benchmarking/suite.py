@@ -305,7 +305,7 @@ def with_attackers(suite: Suite, attackers: Mapping[str, Attacker]) -> Suite:
         if not isinstance(name, str) or name in ("", "honest"):
             raise ValueError(f"an attacker has the name {name!r}, which is not allowed")
         if isinstance(attacker, type) or not (record := record_of(attacker)):
-            raise ValueError(f"attacker {name!r} is of {type(attacker)}, which has no record")
+            raise ValueError(f"attacker {name!r} must have a record, got {type(attacker)}")
         replayed += [
             ReplayedAttack(
                 name=re.sub(FORBIDDEN, "_", name), setting=setting, finder=name, record=record

@@ -75,7 +75,10 @@ def setting_worlds(text: str) -> list[AttackedWorld]:
         else []
     )
     if not isinstance(suite, Suite) or setting not in attacked:
-        raise ValueError(f"suite {name} has no setting {setting!r}{suggest(setting, attacked)}")
+        raise ValueError(
+            f"suite {name} does not have a setting {setting!r} with compromised agents"
+            f"{suggest(setting, attacked)}"
+        )
     cell = Cell(suite.solo["common"], "common", setting, "scripts")
     return [suite.world(cell, "selection", k) for k in range(suite.worlds.selection)]
 
@@ -140,16 +143,33 @@ def _fields(path: Path, *extending: Path) -> dict[str, Any]:
             "beside it"
         )
     file = _FOLDER / f"{base}.toml" if base in names else path.parent / base
-    fields = {**_fields(file, path, *extending), **data}
-    if "replayed" not in data:  # those of the other suite, as far as they fit
-        wanted = "attacks" not in data and "replayed" in data.get("methods", ["replayed"])
-        known = fields.get("settings", {})
-        replayed = [x for x in fields.get("replayed", ()) if wanted and x["setting"] in known]
-        methods = fields.get("methods", ())
-        fields |= {"replayed": replayed} if "replayed" in fields else {}
-        if "methods" not in data and "replayed" in methods and not replayed:
-            fields["methods"] = [name for name in methods if name != "replayed"]
-    return fields
+    return _fitting({**_fields(file, path, *extending), **data}, data)
+
+
+def _fitting(fields: dict[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a suite without those replayed attacks of an extended suite that do not
+    fit. Fields of the wrong type stay as they are, for the checks of the suite.
+
+    Args:
+        fields: All fields.
+        own: Fields that the file has itself.
+    """
+    replayed: Any = fields.get("replayed")
+    methods: Any = fields.get("methods")
+    settings: Any = fields.get("settings")
+    known = isinstance(methods, list) and isinstance(settings, dict)
+    if "replayed" in own or not isinstance(replayed, list) or not known:
+        return fields
+    replaced = "attacks" in own or "replayed" not in methods
+    names = [] if replaced else list(settings)
+    kept = [
+        attack
+        for attack in replayed
+        if not isinstance(attack, dict) or attack.get("setting") in names
+    ]
+    if "methods" not in own and not kept:
+        methods = [name for name in methods if name != "replayed"]
+    return {**fields, "replayed": kept, "methods": methods}
 
 
 def reproduction_command(suite: AnySuite, path: Path) -> str:

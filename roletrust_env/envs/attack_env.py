@@ -332,8 +332,8 @@ class CollusionAttackEnv(AttackEnv):
 
     `RoleTrust/CollusionAttack-v0`. By default the learner controls two raters and a provider,
     `sr_8`, `sr_9` and `sp_9`, in `crowd-10x10`, and its objective is `damage`. Without a stealth
-    cost the best attack is to rate every honest provider 0, as the script `collusion` does. With
-    one, the trust of its agents has to stay near that of the others.
+    cost no attack is known that exceeds the script `collusion`, which rates every honest provider
+    0. With one, the trust of its agents has to stay near that of the others.
 
     ## Action Space
 

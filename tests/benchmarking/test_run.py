@@ -155,6 +155,14 @@ def test_a_suite_keeps_of_another_one_the_replayed_attacks_that_fit(tmp_path: Pa
         assert (suite.replayed, suite.methods) == ((), ("scripts",))
 
 
+@pytest.mark.parametrize("line", ["methods = 3", "settings = 3", "replayed = [3]"])
+def test_a_suite_that_extends_a_wrong_one_is_refused(tmp_path: Path, line: str) -> None:
+    (tmp_path / "base.toml").write_text(f'{line}\nextends = "standard"\n')
+    (tmp_path / "mine.toml").write_text('extends = "base.toml"\n')
+    with pytest.raises(ValueError, match=line.partition(" ")[0]):
+        load_suite(tmp_path / "mine.toml")
+
+
 @pytest.mark.parametrize("attackers", [{"honest": None}, {"": None}, {"x": CoalitionAttacker}, [1]])
 def test_wrong_attackers_are_refused(attackers: object) -> None:
     with pytest.raises(ValueError, match="attacker"):

@@ -207,7 +207,8 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path | None = None) ->
     if all(row.missing for row in board.rows) and not cells:
         ways = ", ".join(suite.methods)
         raise ValueError(
-            f"suite {suite.name} has no models that are published with {ways}; name those to play"
+            f"suite {suite.name} does not have models that are published with {ways}; name those "
+            "to play"
         )
     console.print(escape(repr(board)), soft_wrap=True)
     if "search" not in suite.methods:
@@ -268,11 +269,11 @@ def _refuse(suite: AnySuite, options: Mapping[str, Any]) -> None:
 
 def _attackers(names: Sequence[str]) -> tuple[list[str], dict[str, Attacker]]:
     """Return the scripted attacks among attacks, and the trained coalitions by name."""
-    from roletrust_agents.learned import coalition_of
-
     scripts, trained = list[str](), dict[str, Attacker]()
     for text in dict.fromkeys(names):
         if text.startswith("learned:"):
+            from roletrust_agents.learned import coalition_of
+
             parameters = parse_parameters(text)[1]
             if parameters.keys() != {"path"}:
                 raise ValueError(f"--attack is {text}; a trained attacker is learned:path=DIR")
