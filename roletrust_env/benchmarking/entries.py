@@ -7,7 +7,7 @@ and nothing that they name is made before it is known to be installed.
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from functools import cache
 from pathlib import Path
@@ -33,7 +33,7 @@ from roletrust_env.evaluation.resources import processor
 from roletrust_env.metrics.confidence import student_quantile
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.provenance import software
-from roletrust_env.storage.untrusted import UntrustedModel, read_untrusted
+from roletrust_env.storage.untrusted import UntrustedModel, parse_json, read_untrusted
 
 _FOLDER = Path(__file__).parent / "published"
 _LIMIT = 20_000_000
@@ -304,8 +304,20 @@ def check_entry(entry: Entry, suite: Suite) -> list[Check]:
 
 def _faced_all(suite: Suite, cell: Cell, result: CellResult) -> bool:
     """Return whether the model faced all replayed attacks of the suite in a cell."""
-    names = {attack.name for attack in suite.replayed_in(cell.setting)}
-    return cell.method != "replayed" or names <= {row.attack for row in result.rows}
+    if cell.method != "replayed":
+        return True
+    records = {row.attack: _given_fields(row.record) for row in result.rows if row.record}
+    return all(
+        records.get(attack.name) == _given_fields(attack.record)
+        for attack in suite.replayed_in(cell.setting)
+    )
+
+
+def _given_fields(record: str) -> dict[str, Any]:
+    """Return the fields of an attack's record without those at their default, None."""
+    fields = parse_json(record.encode())
+    given = fields.items() if isinstance(fields, dict) else ()
+    return {name: value for name, value in given if value is not None}
 
 
 def _consistent(suite: Suite, result: CellResult) -> bool:
@@ -356,6 +368,44 @@ def replay_entry(entry: Entry, suite: Suite, cells: Sequence[Cell], pool: Pool) 
         for cell, result in playing:
             checks.append(_compared(cell, claimed[cell.key], result, exact))
     return checks
+
+
+def check_fresh_worlds(entry: Entry, suite: Suite, pool: Pool) -> Check:
+    """Check that a trust model is as good in other worlds as in those of its entry.
+
+    A model that recognises the games of its entry, such as by their first services, is better
+    there. Welch's t-test compares the mean skills of the worlds over all cells without a search.
+
+    Args:
+        entry: Entry to check.
+        suite: Suite of the entry with the seed of other worlds, which its author does not know.
+        pool: Processes that play the cells.
+    """
+    from scipy.stats import ttest_ind  # type: ignore[import-untyped]
+
+    wanted = [
+        cell for cell in suite.cells() if cell.model == entry.model and cell.method != "search"
+    ]
+    with closing(pool.play(suite, wanted)) as playing:
+        here = {cell.key: result for cell, result in playing}
+    if failed := [f"{key}: {result.failed}" for key, result in here.items() if result.failed]:
+        return Check("other worlds", False, f"failed: {failed[0]}")
+    claimed = {cell.key: result for cell, result in entry.stored() if cell.key in here}
+    ours, theirs = (_skill_in_worlds(results) for results in (here, claimed))
+    test = ttest_ind(theirs, ours, equal_var=False, alternative="greater", nan_policy="omit")
+    message = f"mean skill {theirs.mean():.4f}, here {ours.mean():.4f}"
+    return Check("other worlds", bool(test.pvalue > 1 - _LEVEL), message)
+
+
+def _skill_in_worlds(results: Mapping[str, CellResult]) -> Any:
+    """Return the mean skill in each world under the measured attack, over cells."""
+    measured = [
+        np.array(row.measured["skill"], np.float64)
+        for result in results.values()
+        for row in result.rows
+        if row.measured
+    ]
+    return mean_or_nan(np.array(measured), axis=0)
 
 
 def records_of(entry: Entry) -> dict[AnyCell, dict[str, str]]:

@@ -13,6 +13,7 @@ from roletrust_env.benchmarking import entries
 from roletrust_env.benchmarking.entries import (
     Entry,
     check_entry,
+    check_fresh_worlds,
     published_cells,
     read_entry,
     records_of,
@@ -152,6 +153,19 @@ def test_replayed_cells_are_equal_and_false_scores_are_found(entry: Entry) -> No
     assert not any(check.ok for check in replay_entry(false, SUITE, cells, pool))
 
 
+def test_a_higher_skill_than_in_other_worlds_is_found(entry: Entry) -> None:
+    def memorised(data: Any) -> None:
+        for cell in data["cells"]:
+            for attack in cell["attacks"]:
+                if attack["measured"]:
+                    attack["measured"]["skill"] = [0.97, 0.98, 0.99]
+
+    worlds = SUITE.worlds.model_copy(update={"seed": 5, "measured": 12})
+    other = SUITE.model_copy(update={"worlds": worlds})
+    for claim, true in ((entry, True), (changed(entry, memorised), False)):
+        assert check_fresh_worlds(claim, other, LocalPool(1, keep=True)).ok == true
+
+
 def test_all_replayed_attacks_of_a_suite_must_be_met(entry: Entry) -> None:
     def replaced(data: Any) -> None:
         for cell in data["cells"]:
@@ -164,6 +178,7 @@ def test_all_replayed_attacks_of_a_suite_must_be_met(entry: Entry) -> None:
                 attack["record"] = record_of(AgreedScripts())
 
     assert not verdicts(changed(entry, replaced))["completeness"]
+    assert not verdicts(changed(entry, other_record))["completeness"]
     recorded = records_of(changed(entry, other_record))
     assert {cell.method for cell in recorded} == {"search"}
 

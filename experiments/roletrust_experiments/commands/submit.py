@@ -3,6 +3,7 @@ they are true.
 """
 
 import random
+import secrets
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from roletrust_env.benchmarking.entries import (
     Check,
     Entry,
     check_entry,
+    check_fresh_worlds,
     read_entry,
     records_of,
     replay_entry,
@@ -73,7 +75,12 @@ def verify(
             "--cells", min=0, help="Number of cells to play again, drawn at random; default: all."
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed of this choice of cells.")] = 0,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Random seed of this choice and of the other worlds; default: a random one."
+        ),
+    ] = None,
     suite: Annotated[
         str, typer.Option(help="Suite of the entry, or the path of its .toml file.")
     ] = "standard",
@@ -83,9 +90,11 @@ def verify(
     """Check [bold]an entry of the leaderboard[/]: its hashes, its numbers, and its games.
 
     All scripts and the recorded attacks are played again. On the same software and processor the
-    scores must be equal; elsewhere their difference must not be significant. Trust models of other
-    packages run in processes of their own, which get ratings and nothing else of a game. The exit
-    code is 1 if a check fails, and 2 if the file cannot be read.
+    scores must be equal; elsewhere their difference must not be significant. Then all but the
+    searches is played in other worlds, where the skill must not be significantly lower: a model
+    could recognise the games of its entry. Trust models of other packages run in processes of their
+    own, which get ratings and nothing else of a game. The exit code is 1 if a check fails, and 2 if
+    the file cannot be read.
 
     [bold]Examples[/]
 
@@ -109,11 +118,18 @@ def verify(
     asked = asked.model_copy(update={"search": entry.search})
     checks = check_entry(entry, asked)
     if all(check.ok for check in checks):
+        seed = secrets.randbelow(2**31) if seed is None else seed
         cells = [cell for cell, _ in entry.stored()]
         if number is not None:
             cells = random.Random(seed).sample(cells, min(number, len(cells)))
         pool = LocalPool(workers, records=records_of(entry), isolated=True)
         checks += replay_entry(entry, asked, cells, pool)
+        if number != 0:
+            pool = LocalPool(workers, isolated=True)
+            worlds = asked.worlds.model_copy(update={"seed": 1 + seed})
+            fresh = asked.model_copy(update={"worlds": worlds})
+            checks.append(check_fresh_worlds(entry, fresh, pool))
+        tell(f"Seed {seed}: --seed {seed} plays the same again.")
         if number is not None:
             tell(f"Played {len(cells)} of {len(entry.cells)} cells; leave out --cells for all.")
     else:
