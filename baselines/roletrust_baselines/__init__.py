@@ -41,7 +41,7 @@ from roletrust_baselines.rater import (
     Silent,
     TransitiveLying,
 )
-from roletrust_baselines.ring import CheatingRing, MilkingRing, PersonalMilkingRing
+from roletrust_baselines.ring import CheatingRing, DividedRing, MilkingRing, PersonalMilkingRing
 from roletrust_baselines.treatment import (
     Conflicting,
     Discrimination,
@@ -85,6 +85,7 @@ registry.register("swap-ends", SwapEnds)
 registry.register("sleeper", Sleeper)
 registry.register("review-burst", ReviewBurst)
 registry.register("cheating-ring", CheatingRing)
+registry.register("divided-ring", DividedRing)
 registry.register("milking-ring", MilkingRing)
 registry.register("personal-milking-ring", PersonalMilkingRing)
 registry.register("whitewashing", Whitewashing)
@@ -103,6 +104,7 @@ __all__ = [
     "Complementary",
     "Conflicting",
     "Discrimination",
+    "DividedRing",
     "Exit",
     "FlipFlop",
     "MilkingRing",

@@ -5,11 +5,11 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import NonNegativeInt, PositiveInt
 
-from roletrust_baselines.agent_indices import AgentIndices
+from roletrust_baselines.agent_indices import AgentIndices, index_mask
 from roletrust_baselines.coalition import AgreeingRater, Estimates
 from roletrust_baselines.rater import praise
 from roletrust_baselines.treatment import no_accounts, shares
-from roletrust_env.arrays import Array, largest, namespace
+from roletrust_env.arrays import Array, device_of, largest, namespace
 from roletrust_env.game.accounts import Accounts
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.views import ProviderView, RaterView
@@ -79,6 +79,58 @@ class CheatingRing(Ring):
     """
 
     accomplices: Annotated[AgentIndices, Accomplices()] = field(kw_only=True)
+
+
+@checked_dataclass
+class DividedRing(CheatingRing):
+    """Divided ring: a cheating ring whose raters praise one of its providers each, so that bad
+    service of a provider betrays only the raters that praise it.
+
+    By default its providers always serve badly, and its raters are honest about all other
+    providers, also about the rest of the ring. Where reports are open, each rater repeats its
+    praise in every round, and outnumbers the consumers that were cheated. This variant is not from
+    a paper.
+
+    Attributes:
+        threshold: Own ToP from which on a provider cheats, in [0, 1].
+        sink: Share by which the ratings of the best other providers are reduced, in [0, 1].
+    """
+
+    threshold: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
+    sink: Annotated[Share, GridValues(0.0)] = 0.0
+
+    def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
+        """Return a memory without perceptions, with a draw of the provider that each agent
+        praises. See `Policy.begin`.
+        """
+        return super().begin(random, shape), random.uniform(shape)
+
+    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """Return praise of one provider of the ring, and honest ratings of its others. See
+        `AgreeingRater.ratings`.
+        """
+        lies, estimates = super().ratings(view, memory[0], random)
+        means = estimates.means(view.published)
+        left_out = self._left_out(means, memory[1])
+        return namespace(means).where(left_out, means, lies), (estimates, memory[1])
+
+    def lies_about(self, view: RaterView, memory: Any) -> Array:
+        """Return a mask of the praised provider and of other lies. See
+        `AgreeingRater.lies_about`.
+        """
+        return super().lies_about(view, memory[0]) & ~self._left_out(view.published, memory[1])
+
+    def _left_out(self, rows: Array, draw: Array) -> Array:
+        """Return a mask of the ring's providers that a rater does not praise, boolean, shape
+        (P, ...).
+        """
+        ring = index_mask(self.accomplices, rows, "accomplices")
+        numbers = [
+            self.accomplices.index(j) if j in self.accomplices else -1 for j in range(len(rows))
+        ]
+        number = namespace(rows).asarray(numbers, device=device_of(rows))
+        number, share = number.reshape(ring.shape), draw * len(self.accomplices)
+        return ring & ((share < number) | (share >= number + 1))
 
 
 @checked_dataclass

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from refusals import refuses
 
-from roletrust_baselines import CheatingRing, MilkingRing
+from roletrust_baselines import CheatingRing, DividedRing, MilkingRing
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_attacks
-from roletrust_env.game.views import ProviderView
+from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.randomness import Random
 
 PAPER = make_scenario("paper-3x3")
@@ -46,7 +46,23 @@ def test_a_milking_provider_compares_its_trust_with_its_own_highest():
     assert served(ring, trusts)[1] == [1, 1, 1, 0, 0, 1, 0]
 
 
-@pytest.mark.parametrize("name", ["cheating-ring", "milking-ring"])
+def test_each_rater_of_a_divided_ring_praises_one_of_its_providers():
+    random, raters = Random(np.random.default_rng(0)), 60
+    ring, published = DividedRing(accomplices=(3, 1)), np.full((4, raters), 0.25)
+    memory = ring.begin(random, (raters,))
+    unmet = np.zeros((4, raters), bool)
+    view = RaterView(np.zeros(raters), published[0], published, *[published, unmet] * 2)
+    given, memory = ring.ratings(view, memory, random)
+    praised = given == 1
+    assert (praised.sum(axis=0) == 1).all()
+    assert (given[~praised] == 0.25).all()
+    assert praised.sum(axis=1).tolist() == [0, 60 - praised[3].sum(), 0, praised[3].sum()]
+    assert 15 < praised[3].sum() < 45
+    claims, _ = ring.claims(view, memory, random)
+    assert claims.tolist() == (0.75 * praised).tolist()
+
+
+@pytest.mark.parametrize("name", ["cheating-ring", "milking-ring", "divided-ring"])
 def test_the_command_line_names_its_providers(name):
     ring = parse_attacks([f"sr_[01]={name}", f"sp_2={name}"], PAPER)
     assert {policy.accomplices for policy in ring.values()} == {(2,)}
