@@ -67,15 +67,6 @@ class SearchRange:
             )
 
 
-class GridValues:
-    """Annotation of a parameter: the few values that a grid search tries; by default both ends and
-    the middle.
-    """
-
-    def __init__(self, *values: Any) -> None:
-        self.values = values
-
-
 class NotSearched:
     """Annotation of a parameter: searches leave it at its default, whatever its range."""
 

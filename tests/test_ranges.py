@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Field, NonNegativeInt, PositiveFloat, TypeAdapt
 from refusals import refuses
 
 from roletrust_env import Policy, make_trust_model, parameters
-from roletrust_env.parameters import GridValues, Lam, NotSearched, SearchRange, Share, Tail, allowed
+from roletrust_env.parameters import Lam, NotSearched, SearchRange, Share, Tail, allowed
 
 
 @pytest.mark.parametrize(
@@ -16,7 +16,7 @@ from roletrust_env.parameters import GridValues, Lam, NotSearched, SearchRange, 
         (Share, "0 to 1"),
         (Lam, "0.5 to below 1"),
         (Annotated[Tail, NotSearched()], "1e-6 to below 0.5"),
-        (Annotated[Share, SearchRange(0, 0.5), GridValues(0.1)], "0 to 1"),
+        (Annotated[Share, SearchRange(0, 0.5)], "0 to 1"),
         (PositiveFloat, "above 0"),
         (NonNegativeInt, "whole number from 0"),
         (Annotated[int, Field(gt=2, lt=7)], "whole number 3 to 6"),
@@ -26,7 +26,7 @@ from roletrust_env.parameters import GridValues, Lam, NotSearched, SearchRange, 
         (bool, "True or False"),
         (str, "text"),
         (Policy, "Policy"),
-        (Annotated[Literal["a", "b"], GridValues("a")], "a or b"),
+        (Literal["a", "b"], "a or b"),
         (
             Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)] | None,
             "several: whole number from 0, or None",

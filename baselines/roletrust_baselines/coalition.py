@@ -12,7 +12,6 @@ from roletrust_env.game.policy import Channel, asleep, wake
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.parameters import (
     Accomplices,
-    GridValues,
     SearchRange,
     Share,
     checked_dataclass,
@@ -102,7 +101,7 @@ class AgreeingRater(ClaimingRater):
             have no rank. None is a coalition without accomplices.
     """
 
-    by: Annotated[Literal["perceived", "published"], GridValues("perceived")] = "perceived"
+    by: Literal["perceived", "published"] = "perceived"
     accomplices: Annotated[AgentIndices | None, Accomplices()] = None
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
@@ -179,11 +178,9 @@ class RankLies(AgreeingRater):
             providers are praised.
     """
 
-    best: Annotated[Share, GridValues(0.0, 0.3)] = 0.0
-    worst: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
-    bend: Annotated[float, Field(gt=0, le=8), SearchRange(0.25, 4), GridValues(0.25, 1.0, 2.0)] = (
-        2.0
-    )
+    best: Share = 0.0
+    worst: Share = 1.0
+    bend: Annotated[float, Field(gt=0, le=8), SearchRange(0.25, 4)] = 2.0
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
         """Return the rating of each rank. See `AgreeingRater.lies`."""
@@ -207,8 +204,8 @@ class SelfPromotion(LyingRater):
     """
 
     accomplices: Annotated[AgentIndices, Accomplices()] = field(kw_only=True)
-    bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
-    lift: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
+    bad: Share = 0.0
+    lift: Share = 1.0
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings"})
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -250,7 +247,7 @@ class Collusion(SelfPromotion):
         sink: Share by which a rating of the other providers is reduced, in [0, 1].
     """
 
-    sink: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
+    sink: Share = 1.0
 
     def of_others(self, view: RaterView) -> Array:
         """Return reduced ratings of the other providers. See `SelfPromotion.of_others`."""
@@ -279,8 +276,8 @@ class Orchestrated(Collusion):
     """
 
     teams: PositiveInt = 2
-    team: Annotated[NonNegativeInt, SearchRange(0, 1), GridValues(0)] = 0
-    turn: Annotated[PositiveInt, SearchRange(1, 12), GridValues(2, 5)] = 5
+    team: Annotated[NonNegativeInt, SearchRange(0, 1)] = 0
+    turn: Annotated[PositiveInt, SearchRange(1, 12)] = 5
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return bad quality while its team attacks, and 1 otherwise. See `Policy.quality`."""
@@ -318,9 +315,9 @@ class Promotion(AgreeingRater):
         sink: Share by which ratings of better providers are reduced, in [0, 1].
     """
 
-    place: Annotated[Share, GridValues(0.2, 0.4, 0.7)] = 0.4
-    lift: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
-    sink: Annotated[Share, GridValues(0.6, 1.0)] = 1.0
+    place: Share = 0.4
+    lift: Share = 1.0
+    sink: Share = 1.0
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
         """Return raised, reduced and honest ratings by rank. See `AgreeingRater.lies`."""
@@ -349,8 +346,8 @@ class SwapEnds(AgreeingRater):
             1].
     """
 
-    sink: Annotated[Share, GridValues(0.6, 1.0)] = 1.0
-    lift: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
+    sink: Share = 1.0
+    lift: Share = 1.0
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
         """Return the ratings with those of the ends reduced and raised. See
@@ -375,8 +372,8 @@ class ShiftedLies(AgreeingRater):
         place: Rank down to which ratings are lowered, from 0, none, to 1, all but the worst one.
     """
 
-    shift: Annotated[Share, SearchRange(0.05, 0.6), GridValues(0.15, 0.25, 0.4)] = 0.25
-    place: Annotated[Share, GridValues(0.0, 0.3, 0.6)] = 0.4
+    shift: Annotated[Share, SearchRange(0.05, 0.6)] = 0.25
+    place: Share = 0.4
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
         """Return lowered and raised ratings by rank. See `AgreeingRater.lies`."""
@@ -397,7 +394,7 @@ class SlanderUnmet(AgreeingRater):
         low: Rating of the providers that the rater has not met, in [0, 1].
     """
 
-    low: Annotated[Share, GridValues(0.0, 0.3)] = 0.0
+    low: Share = 0.0
 
     def reports(self, view: RaterView, estimates: Estimates, lying: Array) -> Array:
         """Return the low rating of the providers without a service. See `AgreeingRater.reports`."""
@@ -423,8 +420,8 @@ class Sleeper(RankLies):
         start: First round in which a rater can wake up.
     """
 
-    start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(5, 20)] = 5
-    wakes_at: Annotated[Share, GridValues(0.0, 0.7)] = 0.7
+    start: Annotated[NonNegativeInt, SearchRange(0, 100)] = 5
+    wakes_at: Share = 0.7
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Return a memory without perceptions, asleep. See `Policy.begin`."""
@@ -460,9 +457,9 @@ class ReviewBurst(Promotion):
         every: Number of rounds of a period.
     """
 
-    place: Annotated[Share, GridValues(0.3, 0.6)] = 0.3
-    burst: Annotated[PositiveInt, SearchRange(1, 12), GridValues(2, 4)] = 4
-    every: Annotated[PositiveInt, SearchRange(1, 24), GridValues(6, 12)] = 6
+    place: Share = 0.3
+    burst: Annotated[PositiveInt, SearchRange(1, 12)] = 4
+    every: Annotated[PositiveInt, SearchRange(1, 24)] = 6
 
     def active(self, round: Array) -> Array:
         """Return whether a burst is going on. See `WindowedAttack.active`."""

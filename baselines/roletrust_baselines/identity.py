@@ -10,7 +10,7 @@ from roletrust_baselines.ring import PersonalMilkingRing, Ring
 from roletrust_env.arrays import Array
 from roletrust_env.game.policy import ByChannel, Channel, Policy
 from roletrust_env.game.views import IdentityView
-from roletrust_env.parameters import GridValues, Identities, SearchRange, Share, checked_dataclass
+from roletrust_env.parameters import Identities, SearchRange, Share, checked_dataclass
 from roletrust_env.randomness import Random
 
 
@@ -73,7 +73,7 @@ class Whitewashing(IdentityAttack):
             newcomers, an identity leaves in every round.
     """
 
-    threshold: Annotated[Share, GridValues(0.2, 0.3, 0.4)] = 0.3
+    threshold: Share = 0.3
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return the current identity, unless its trust is too low. See `Policy.presence`."""
@@ -93,8 +93,8 @@ class Sybil(IdentityAttack):
         every: Number of rounds between two identities; 0 calls all at once.
     """
 
-    start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(0, 50)] = 0
-    every: Annotated[NonNegativeInt, SearchRange(0, 10), GridValues(0, 3)] = 0
+    start: Annotated[NonNegativeInt, SearchRange(0, 100)] = 0
+    every: Annotated[NonNegativeInt, SearchRange(0, 10)] = 0
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return the identities called until now: all at once, or one after the other. See
@@ -119,7 +119,7 @@ class WhitewashingRing(Ring):
     """
 
     reserve: Annotated[PositiveInt, Identities()] = 1
-    leaves_below: Annotated[Share, GridValues(0.3)] = 0.3
+    leaves_below: Share = 0.3
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings", "presence"})
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -143,9 +143,9 @@ class SybilRing(Ring):
     """
 
     reserve: Annotated[PositiveInt, Identities()] = 1
-    every: Annotated[NonNegativeInt, SearchRange(0, 10), GridValues(0)] = 0
-    threshold: Annotated[Share, GridValues(0.3, 0.7)] = 0.5
-    cut: Annotated[Share, GridValues(0.4, 1.0)] = 0.4
+    every: Annotated[NonNegativeInt, SearchRange(0, 10)] = 0
+    threshold: Share = 0.5
+    cut: Share = 0.4
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings", "presence"})
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -169,7 +169,7 @@ class PersonalSybilRing(PersonalMilkingRing):
     """
 
     reserve: Annotated[PositiveInt, Identities()] = 1
-    every: Annotated[NonNegativeInt, SearchRange(0, 10), GridValues(0)] = 0
+    every: Annotated[NonNegativeInt, SearchRange(0, 10)] = 0
     attacks: ClassVar[frozenset[Channel]] = frozenset({"treatment", "ratings", "presence"})
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:

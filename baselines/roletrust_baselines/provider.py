@@ -10,7 +10,6 @@ from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
 from roletrust_env.game.views import ProviderView
 from roletrust_env.parameters import (
     GameLength,
-    GridValues,
     Lam,
     NotSearched,
     SearchRange,
@@ -63,10 +62,10 @@ class OnOff(WindowedAttack):
         switching: Switching between the phases, `"regular"` or `"random"`.
     """
 
-    period: Annotated[PositiveInt, SearchRange(1, 12), GridValues(2, 3, 5, 10)] = 2
-    duty: Annotated[Share, GridValues(0.25, 0.5, 0.75)] = 0.5
-    bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
-    good: Annotated[Share, GridValues(1.0)] = 1.0
+    period: Annotated[PositiveInt, SearchRange(1, 12)] = 2
+    duty: Share = 0.5
+    bad: Share = 0.0
+    good: Share = 1.0
     switching: Annotated[Literal["regular", "random"], NotSearched()] = "regular"
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
 
@@ -111,8 +110,8 @@ class Camouflage(CheatingProvider):
         wakes_at: Own ToP from which on it cheats, permanently, in [0, 1].
     """
 
-    start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(0, 20, 50)] = 20
-    wakes_at: Annotated[Share, GridValues(0.0, 0.9)] = 0.8
+    start: Annotated[NonNegativeInt, SearchRange(0, 100)] = 20
+    wakes_at: Share = 0.8
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Return that it is asleep. See `Policy.begin`."""
@@ -139,7 +138,7 @@ class Exit(CheatingProvider):
     """
 
     length: Annotated[PositiveInt, GameLength()] = field(kw_only=True)
-    last: Annotated[PositiveInt, SearchRange(1, 30), GridValues(1, 2, 5, 10, 20)] = 10
+    last: Annotated[PositiveInt, SearchRange(1, 30)] = 10
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return whether this is one of the last rounds. See `CheatingProvider.cheats`."""
@@ -158,7 +157,7 @@ class Opportunistic(CheatingProvider):
         threshold: Own ToP from which on it cheats, in [0, 1].
     """
 
-    threshold: Annotated[Share, GridValues(0.3, 0.5, 0.7, 0.9)] = 0.7
+    threshold: Share = 0.7
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return whether its trust has reached the threshold. See `CheatingProvider.cheats`."""
@@ -180,8 +179,8 @@ class ReputationLag(CheatingProvider):
         noticed: Mean rating below which its bad service is noticed, in [0, 1].
     """
 
-    threshold: Annotated[Share, GridValues(0.5, 0.7, 0.9)] = 0.7
-    noticed: Annotated[Share, GridValues(0.5, 0.8)] = 0.5
+    threshold: Share = 0.7
+    noticed: Share = 0.5
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return whether it is trusted and its bad service is not noticed. See
@@ -211,7 +210,7 @@ class ThresholdSurfing(WindowedAttack):
     """
 
     threshold: Share = 0.25
-    margin: Annotated[Share, SearchRange(0, 0.5), GridValues(0.0, 0.05, 0.2)] = 0.05
+    margin: Annotated[Share, SearchRange(0, 0.5)] = 0.05
     lam: Lam = 0.5
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
 

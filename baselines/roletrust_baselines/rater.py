@@ -11,7 +11,6 @@ from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.parameters import (
     Accomplices,
-    GridValues,
     SearchRange,
     Share,
     Victims,
@@ -117,8 +116,8 @@ class BadMouthing(TargetedLyingRater):
             [0, 1].
     """
 
-    lie: Annotated[Literal["constant", "relative"], GridValues("constant")] = "constant"
-    level: Annotated[Share, GridValues(0.0, 0.25, 0.5, 0.75)] = 0.5
+    lie: Literal["constant", "relative"] = "constant"
+    level: Share = 0.5
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return the constant rating, or the reduced perceived quality. See `LyingRater.lies`."""
@@ -139,7 +138,7 @@ class BallotStuffing(LyingRater):
         accomplices: Indices of the accomplices among the providers; None praises all.
     """
 
-    level: Annotated[Share, GridValues(0.25, 0.5, 1.0)] = 1.0
+    level: Share = 1.0
     accomplices: Annotated[AgentIndices | None, Accomplices()] = None
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -173,8 +172,8 @@ class CamouflageRating(BadMouthing):
         start: First round in which it can lie.
     """
 
-    start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(0, 20, 50)] = 20
-    wakes_at: Annotated[Share, GridValues(0.0, 0.9)] = 0.8
+    start: Annotated[NonNegativeInt, SearchRange(0, 100)] = 20
+    wakes_at: Share = 0.8
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Return that it is asleep. See `Policy.begin`."""
@@ -217,7 +216,7 @@ class FlipFlop(TargetedLyingRater):
             0.
     """
 
-    period: Annotated[PositiveInt, SearchRange(1, 12), GridValues(1, 2, 5)] = 1
+    period: Annotated[PositiveInt, SearchRange(1, 12)] = 1
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return ratings of 1 and 0 in turn. See `LyingRater.lies`."""
@@ -279,7 +278,7 @@ class RepTrap(TargetedLyingRater):
         traps: Number of providers that it lies about at a time.
     """
 
-    traps: Annotated[PositiveInt, SearchRange(1, 5), GridValues(1, 2, 3)] = 1
+    traps: Annotated[PositiveInt, SearchRange(1, 5)] = 1
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return the opposite verdict on the traps, 0 or 1, and honest ratings otherwise. See
@@ -336,7 +335,7 @@ class TransitiveLying(TargetedLyingRater):
         own: Own quality, in [0, 1].
     """
 
-    own: Annotated[Share, GridValues(0.0, 0.25, 0.5, 0.75)] = 0.25
+    own: Share = 0.25
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings"})
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:

@@ -15,7 +15,6 @@ from roletrust_env.game.policy import Channel
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.parameters import (
     Accomplices,
-    GridValues,
     NotSearched,
     SearchRange,
     Share,
@@ -40,10 +39,10 @@ class Ring(AgreeingRater):
             and have no rank. None is a ring without providers.
     """
 
-    threshold: Annotated[Share, GridValues(0.5, 0.7)] = 0.7
-    bad: Annotated[Share, GridValues(0.0)] = 0.0
-    cut: Annotated[Share, GridValues(0.2, 0.4, 0.7)] = 0.4
-    sink: Annotated[Share, GridValues(1.0)] = 1.0
+    threshold: Share = 0.7
+    bad: Share = 0.0
+    cut: Share = 0.4
+    sink: Share = 1.0
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings"})
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -96,8 +95,8 @@ class DividedRing(CheatingRing):
         sink: Share by which the ratings of the best other providers are reduced, in [0, 1].
     """
 
-    threshold: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
-    sink: Annotated[Share, GridValues(0.0)] = 0.0
+    threshold: Share = 0.0
+    sink: Share = 0.0
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Return a memory without perceptions, with a draw of the provider that each agent
@@ -147,9 +146,9 @@ class MilkingRing(CheatingRing):
         threshold: Share of the highest own ToP so far from which on a provider cheats, in [0, 1].
     """
 
-    patience: Annotated[NonNegativeInt, SearchRange(0, 20), GridValues(3, 10)] = 3
-    threshold: Annotated[Share, GridValues(0.85, 0.95)] = 0.85
-    cut: Annotated[Share, GridValues(0.2, 0.4)] = 0.3
+    patience: Annotated[NonNegativeInt, SearchRange(0, 20)] = 3
+    threshold: Share = 0.85
+    cut: Share = 0.3
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Return a memory without perceptions and trust. See `Policy.begin`."""
@@ -199,10 +198,10 @@ class PersonalMilkingRing(MilkingRing):
             as this one has on average.
     """
 
-    patience: Annotated[PositiveInt, SearchRange(1, 10), GridValues(1)] = 1
-    threshold: Annotated[Share, GridValues(0.5, 0.6, 0.8)] = 0.6
-    cut: Annotated[Share, GridValues(0.1, 0.4)] = 0.4
-    lift: Annotated[Share, GridValues(0.0, 1.0)] = 1.0
+    patience: Annotated[PositiveInt, SearchRange(1, 10)] = 1
+    threshold: Share = 0.6
+    cut: Share = 0.4
+    lift: Share = 1.0
     prior: Annotated[Weighting, NotSearched()] = 0.0
     attacks: ClassVar[frozenset[Channel]] = frozenset({"treatment", "ratings"})
 

@@ -1,6 +1,4 @@
-"""Search methods over the parameters of attacks: default parameters, grid search, random search,
-and CMA-ES.
-"""
+"""Search methods over the parameters of attacks: default parameters, random search, and CMA-ES."""
 
 import warnings
 from abc import ABC, abstractmethod
@@ -158,22 +156,6 @@ class ScriptSearch(ABC):
         if not scripts.size:
             raise UnsuitableError(f"{describe_attack(scripts.default)} has no parameters to search")
         return scripts
-
-
-@refuse_unknown_parameters
-@dataclass(frozen=True)
-class GridSearch(ScriptSearch):
-    """Grid search over a small grid of the parameters of scripted attackers, see `Scripts.grid`."""
-
-    name: str = "scripted, best of grid"
-
-    def _tried(
-        self, trial: ScriptTrial, random: np.random.Generator
-    ) -> tuple[list[Attack], Scores]:
-        attacks: list[Attack] = list(Scripts.of(trial.task, self.attacks).grid)
-        if len(attacks) > trial.left:
-            attacks = [attacks[k] for k in random.permutation(len(attacks))[: trial.left]]
-        return attacks, trial.scores(attacks)
 
 
 @refuse_unknown_parameters

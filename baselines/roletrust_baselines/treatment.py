@@ -9,7 +9,7 @@ from roletrust_env.arrays import Array, device_of, namespace
 from roletrust_env.game.accounts import Accounts
 from roletrust_env.game.policy import Channel, WindowedAttack
 from roletrust_env.game.views import ProviderView
-from roletrust_env.parameters import GridValues, NotSearched, SearchRange, Share, checked_dataclass
+from roletrust_env.parameters import NotSearched, SearchRange, Share, checked_dataclass
 from roletrust_env.randomness import Random
 
 
@@ -63,7 +63,7 @@ class Conflicting(UnequalProvider):
     """
 
     raters: AgentIndices | None = None
-    bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
+    bad: Share = 0.0
     threshold: Annotated[Share, NotSearched()] = 0.0
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -94,7 +94,7 @@ class Discrimination(UnequalProvider):
     """
 
     share: Annotated[Share, SearchRange(0.05, 0.5)] = 0.3
-    bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
+    bad: Share = 0.0
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return whether each rater is one of the first ones. See `UnequalProvider.cheats`."""
@@ -146,9 +146,9 @@ class Rotation(UnequalProvider):
         bad: Quality for the group in turn as a share of the quality for the others, in [0, 1].
     """
 
-    groups: Annotated[PositiveInt, SearchRange(2, 10), GridValues(2, 4)] = 3
-    turn: Annotated[PositiveInt, SearchRange(1, 12), GridValues(1, 5)] = 5
-    bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
+    groups: Annotated[PositiveInt, SearchRange(2, 10)] = 3
+    turn: Annotated[PositiveInt, SearchRange(1, 12)] = 5
+    bad: Share = 0.0
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return whether each rater is in the group in turn. See `UnequalProvider.cheats`."""
@@ -177,10 +177,10 @@ class PersonalMilking(UnequalProvider):
         bad: Quality for a cheated rater as a share of the quality for the others, in [0, 1].
     """
 
-    start: Annotated[NonNegativeInt, SearchRange(0, 50), GridValues(0)] = 0
-    threshold: Annotated[Share, GridValues(0.5, 0.6, 0.7, 0.9)] = 0.6
-    patience: Annotated[PositiveInt, SearchRange(1, 10), GridValues(1, 3)] = 1
-    bad: Annotated[Share, GridValues(0.0)] = 0.0
+    start: Annotated[NonNegativeInt, SearchRange(0, 50)] = 0
+    threshold: Share = 0.6
+    patience: Annotated[PositiveInt, SearchRange(1, 10)] = 1
+    bad: Share = 0.0
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Return accounts without ratings. See `Policy.begin`."""

@@ -6,9 +6,9 @@ confidence interval, over the runs or, for a single run, over its games. The sha
 play. It is 1 for the exact optimum, for a proven bound, or for the best attack found where neither
 is known.
 
-scripted: on-off and bad-mouthing, as in the paper and as the best of a grid, or the attacks of
-`--attack`. random search, CMA-ES: over the parameters that the scripted attacks declare. universal,
-evolution: coalitions as one mind, ready ones of the project, and one that evolves for this task.
+scripted: on-off and bad-mouthing as in the paper, or the attacks of `--attack`. random search,
+CMA-ES: over the parameters that the scripted attacks declare. universal, evolution: coalitions as
+one mind, ready ones of the project, and one that evolves for this task.
 white-box planner: follows the gradient through the game. learned: the attackers of `--learned`,
 folders that `roletrust train` has written with as many runs and the same seeds. exact: dynamic
 programming, for one provider (exploit, no stealth) in a game without randomness. best known:
@@ -31,7 +31,7 @@ from roletrust_agents.planning.optimum import BestKnown, Exact
 from roletrust_agents.planning.planner import Planner
 from roletrust_agents.training.coalition_methods import EvolutionSearch
 from roletrust_agents.training.universal import Universal
-from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
+from roletrust_baselines.search import CmaEs, PaperAttacks, RandomSearch
 from roletrust_env import make_scenario
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task
@@ -138,7 +138,7 @@ def main(study: Study[Options]) -> None:
     kinds = parse_kinds(list(asked.attack), rules) if asked.attack else None
     Scripts.of(exact_task(task), kinds)  # an attack that does not fit is refused before the games
     scripted: list[SearchMethod] = [
-        rung(attacks=kinds) for rung in (PaperAttacks, GridSearch, RandomSearch, CmaEs)
+        rung(attacks=kinds) for rung in (PaperAttacks, RandomSearch, CmaEs)
     ]
     searches = [
         HonestPlay(),

@@ -1,4 +1,4 @@
-"""Scripted attacks of a task as a search space: defaults, a grid, and a cube of all parameters.
+"""Scripted attacks of a task as a search space: defaults, and a cube of all parameters.
 
 The class of an attack declares the space on its fields. A field whose type has a range (`Share`,
 `Annotated[PositiveInt, SearchRange(1, 12)]`), the choices of a `Literal`, the places of `Victims`
@@ -7,7 +7,6 @@ marked `NotSearched`, and every other field, keeps its default. The exceptions a
 game: `Accomplices` and `GameLength`.
 """
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, fields, is_dataclass
 from functools import partial
@@ -24,7 +23,6 @@ from roletrust_env.game.policy import registry as attackers
 from roletrust_env.parameters import (
     Accomplices,
     GameLength,
-    GridValues,
     Identities,
     NotSearched,
     SearchRange,
@@ -44,17 +42,15 @@ class Coordinate(NamedTuple):
 
     Attributes:
         name: Name of the parameter.
-        at: Value of the parameter at a place in [0, 1].
-        grid: Values for a grid.
+        at: Value of the parameter at a position in [0, 1].
     """
 
     name: str
     at: Callable[[float], Any]
-    grid: tuple[Any, ...]
 
 
 class Space:
-    """The attacks of one kind, as a cube and as a grid.
+    """The attacks of one kind, as a cube of their parameters.
 
     Args:
         kind: Kind of attack.
@@ -87,23 +83,13 @@ class Space:
         free = [name for name in hints if name not in self._fixed]
         self.default = self._policy()
         self.channels: frozenset[Channel] = self.default.attacks
-        axes = (
-            _axis(name, hints[name], getattr(self.default, name, None), victims, reserve)
-            for name in free
-        )
+        axes = (_axis(name, hints[name], victims, reserve) for name in free)
         self._axes = [axis for axis in axes if axis is not None]
 
     @property
     def size(self) -> int:
         """Number of parameters."""
         return len(self._axes)
-
-    @property
-    def grid(self) -> list[Policy]:
-        """All combinations of a few values of each parameter."""
-        names = [axis.name for axis in self._axes]
-        rows = itertools.product(*(axis.grid for axis in self._axes))
-        return [self._policy(**dict(zip(names, row, strict=True))) for row in rows]
 
     def decode(self, point: Sequence[float] | Array) -> Policy:
         """Return the attack at a point of the cube [0, 1] ** size; further coordinates are
@@ -152,11 +138,6 @@ class Mixture:
     def default(self) -> Policy:
         """Default of the first kind."""
         return self._spaces[0].default if self._spaces else HONEST_POLICY
-
-    @property
-    def grid(self) -> list[Policy]:
-        """Grids of all kinds, one after the other."""
-        return [policy for space in self._spaces for policy in space.grid]
 
     def decode(self, point: Sequence[float] | Array) -> Policy:
         """Return the attack at a point of the cube [0, 1] ** size."""
@@ -214,26 +195,21 @@ def _short(value: Any) -> str:
     return str(value)
 
 
-def _axis(
-    name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: int
-) -> Coordinate | None:
+def _axis(name: str, hint: Any, victims: tuple[int, ...], reserve: int) -> Coordinate | None:
     """Return the coordinate that a field declares; None without a range."""
     declared = _declared(hint)
-    tried: tuple[Any, ...]
     if declared is None:
         return None
     if isinstance(declared, Victims):
-        at, tried = _first_of(victims), (usual, victims[:1]) if len(victims) > 1 else (usual,)
+        at = _first_of(victims)
     elif isinstance(declared, Identities):
-        at, tried = _whole(1, max(1, reserve)), tuple({1, max(1, reserve)})
+        at = _whole(1, max(1, reserve))
     elif isinstance(declared, SearchRange):
         low, high = declared.low, declared.high
         at = _whole(int(low), int(high)) if _bare(hint) is int else _between(low, high)
-        tried = tuple(dict.fromkeys(at(x) for x in (0.0, 0.5, 1.0)))
     else:
-        at, tried = _one_of(declared), declared
-    chosen = _mark(hint, GridValues)
-    return Coordinate(name, at, chosen.values if chosen else tried)
+        at = _one_of(declared)
+    return Coordinate(name, at)
 
 
 def _declared(hint: Any) -> ParameterRange | None:
@@ -413,19 +389,6 @@ class Scripts:
     def default(self) -> dict[str, Policy]:
         """First attack of each role with its default parameters."""
         return self._all(self.serving.default, self.rating.default)
-
-    @property
-    def grid(self) -> list[dict[str, Policy]]:
-        """All combinations of a few parameters of each attack, the same for all agents of a role.
-
-        Where both roles attack, the grid also has attacks in which one of them plays honestly.
-        """
-        serves, rates = self.roles
-        serving = self.serving.grid if serves else [HONEST_POLICY]
-        rating = self.rating.grid if rates else [HONEST_POLICY]
-        if serves and rates:
-            serving, rating = [*serving, HONEST_POLICY], [*rating, HONEST_POLICY]
-        return [self._all(*pair) for pair in itertools.product(serving, rating)]
 
     def decode(self, point: Sequence[float] | Array) -> dict[str, Policy]:
         """Return the attack at a point of the cube [0, 1] ** size."""

@@ -29,6 +29,8 @@ _SEATS: dict[Channel, tuple[str, ...]] = {
 }
 _VICTIMS, _ACCOMPLICES = (1, 2), (0, 3)  # places on the provider axis
 
+_POINTS = 50  # attacks that a search may make
+
 
 def check_attack(attack: Policy, *, torch: bool = True) -> None:
     """Check that an attack keeps to the contract of `Policy`.
@@ -118,7 +120,9 @@ def check_declaration(attack: Policy) -> None:
         f"{', '.join(sorted(own))}: shared by all objects; use a tuple or a frozenset",
     )
     space = Space(type(attack), _VICTIMS, _ACCOMPLICES, _rounds(attack), max(1, attack.reserve))
-    for policy in (*space.grid[:50], *(space.decode([x] * space.size) for x in (0.0, 0.5, 1.0))):
+    points = np.random.default_rng(0).random((_POINTS, space.size))
+    for point in (*points, np.zeros(space.size), np.ones(space.size)):
+        policy = space.decode(point)
         same = policy.attacks == space.channels
         _require(
             same,

@@ -80,8 +80,7 @@ def test_it_does_something(name):
 def test_searches_take_what_it_declares(name):
     searched = space(name)
     corners = [searched.decode([x] * searched.size) for x in (0.0, 0.5, 1.0)]
-    assert len(searched.grid) <= 50
-    for policy in (*corners, *searched.grid):
+    for policy in corners:
         assert policy.attacks == searched.channels
     for policy in corners:
         for part in played(policy, np.zeros(()), (2,)):

@@ -20,7 +20,7 @@ from roletrust_agents.honest import Honest
 from roletrust_agents.learned.methods import Learned
 from roletrust_agents.planning.optimum import BestKnown, Exact
 from roletrust_agents.planning.planner import Planner
-from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
+from roletrust_baselines.search import CmaEs, PaperAttacks, RandomSearch
 from roletrust_env import attackers, make_attacker, trust_models
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy import registry as attacker_registry
@@ -28,7 +28,7 @@ from roletrust_env.parameters import UnknownParameterError
 from roletrust_env.trust.model import registry as model_registry
 from roletrust_env.world.group import FrozenModel
 
-SEARCH_METHODS = (PaperAttacks, GridSearch, RandomSearch, CmaEs, Planner, Exact, BestKnown, Learned)
+SEARCH_METHODS = (PaperAttacks, RandomSearch, CmaEs, Planner, Exact, BestKnown, Learned)
 FACTORIES = {
     **{name: attacker_registry.factory(name) for name in attackers() if name != "learned"},
     **{name: model_registry.factory(name) for name in trust_models() if name != "doubt"},

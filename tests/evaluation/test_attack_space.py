@@ -14,7 +14,6 @@ from roletrust_env.evaluation.attackers import HONEST_POLICY
 from roletrust_env.evaluation.scripts import Mixture, Space, as_spec
 from roletrust_env.parameters import (
     Accomplices,
-    GridValues,
     NotSearched,
     SearchRange,
     Share,
@@ -32,7 +31,7 @@ class Own(Policy):
     bad: Share = 0.1
     rounds: Annotated[int, SearchRange(2, 5)] = 2
     mood: Literal["sour", "sweet", "bitter"] = "sour"
-    power: Annotated[float, SearchRange(-1, 3), GridValues(0.5)] = 1.0
+    power: Annotated[float, SearchRange(-1, 3)] = 1.0
     quiet: Annotated[Share, NotSearched()] = 0.0
     places: Annotated[tuple[int, ...], Victims()] = (0,)
     ring: Annotated[tuple[int, ...], Accomplices()] = ()
@@ -53,16 +52,6 @@ def test_a_class_of_python_itself_is_searched_by_what_its_fields_declare():
     )
 
 
-def test_a_grid_tries_what_is_declared_or_both_ends_and_the_middle():
-    grid = Space(Own, (1, 3), (), 50).grid
-    assert len(grid) == 3 * 3 * 3 * 1 * 2
-    assert {policy.bad for policy in grid} == {0, 0.5, 1}
-    assert {policy.rounds for policy in grid} == {2, 4, 5}
-    assert {policy.power for policy in grid} == {0.5}
-    assert {policy.places for policy in grid} == {(0,), (1,)}
-    assert {(policy.ring, policy.delay, policy.quiet) for policy in grid} == {((), 7, 0.0)}
-
-
 def test_what_is_fixed_is_not_searched():
     space = Space(partial(BadMouthing, lie="relative", targets=(4,)), (0, 1, 2), (), 50)
     assert space.size == 1
@@ -73,7 +62,6 @@ def test_what_is_fixed_is_not_searched():
 def test_where_nobody_is_honest_there_are_no_victims():
     space = Space(BadMouthing, (), (), 50)
     assert {space.decode([0.0, 0.5, x]).targets for x in (0.0, 1.0)} == {None}
-    assert {policy.targets for policy in space.grid} == {None}
 
 
 def test_a_mixture_picks_a_kind_and_its_parameters():
@@ -81,7 +69,6 @@ def test_a_mixture_picks_a_kind_and_its_parameters():
     mixture = Mixture(spaces)
     assert mixture.size == 5
     assert mixture.default == OnOff()
-    assert mixture.grid == [*spaces[0].grid, *spaces[1].grid]
     assert mixture.decode([0.49, 0.0, 0.1, 0.2, 0.3]) == OnOff(
         period=1, duty=0.1, bad=0.2, good=0.3
     )
@@ -126,8 +113,8 @@ def test_what_cannot_be_searched_says_why():
     assert Space(partial(Demanding, bad=0.5), (), (), 50).size == 0
     with refuses(ValueError, "Contrary", "rounds", "0"):
         Space(Contrary, (), (), 50).decode([0.0])
-    with refuses(ValueError, "GridValues", "Policy"):
-        Space(GridValues, (), (), 50)
+    with refuses(ValueError, "NotSearched", "Policy"):
+        Space(NotSearched, (), (), 50)
     for low, high in ((2, 1), (0, float("inf")), (float("nan"), 1)):
         with refuses(ValueError, low, high):
             SearchRange(low, high)

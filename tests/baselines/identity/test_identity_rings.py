@@ -95,4 +95,4 @@ def test_searches_take_what_they_declare():
         space = Space(ring, (0, 1), (2, 3), 30, reserve=3)
         assert space.size == size
         assert [space.decode([x] * size).reserve for x in (0.0, 1.0)] == [1, 3]
-        assert all(policy.accomplices == (2, 3) for policy in space.grid)
+        assert space.default.accomplices == (2, 3)

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -12,7 +11,6 @@ from refusals import refuses
 from roletrust_baselines import BadMouthing, OnOff, Whitewashing
 from roletrust_baselines.search import (
     CmaEs,
-    GridSearch,
     PaperAttacks,
     RandomSearch,
     ScriptTrial,
@@ -46,7 +44,7 @@ CROWD = {
     "objective": "damage",
 }
 DUAL = {"scenario": "peers", "max_cycles": 10, "compromised": ("srsp_5",), "objective": "exploit"}
-SEARCHERS = [GridSearch(), RandomSearch(), CmaEs()]
+SEARCHERS = [RandomSearch(), CmaEs()]
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def test_corners_of_the_cube_are_attacks_on_the_honest_only():
     assert high["sr_9"] == BadMouthing(lie="relative", level=1, targets=tuple(range(9)))
 
 
-def test_the_default_grid_and_cube_are_what_they_have_always_been():
+def test_the_default_cube_is_what_it_has_always_been():
     """Worked out here as before attacks declared their ranges."""
 
     def on_off(x):
@@ -107,19 +105,6 @@ def test_the_default_grid_and_cube_are_what_they_have_always_been():
     for x in points:
         assert space.decode(x) == {"sr_8": lie(x[:3]), "sr_9": lie(x[3:6]), "sp_9": on_off(x[6:])}
 
-    cycles = [
-        OnOff(period=period, duty=duty, bad=bad)
-        for period, duty, bad in product((2, 3, 5, 10), (0.25, 0.5, 0.75), (0.0, 0.5))
-    ]
-    lies = [
-        BadMouthing(level=level, targets=t)
-        for level, t in product((0.0, 0.25, 0.5, 0.75), (None, (0,)))
-    ]
-    assert [attack["sp_2"] for attack in scripts(PROVIDER).grid] == cycles
-    assert [(attack["sp_9"], attack["sr_8"]) for attack in space.grid] == [
-        *product([*cycles, HONEST_POLICY], [*lies, HONEST_POLICY])
-    ]
-
 
 def test_a_mixture_is_searched_and_its_best_kind_is_found():
     """The first kind is never bad and earns nothing, the second is a user's own with one
@@ -128,7 +113,7 @@ def test_a_mixture_is_searched_and_its_best_kind_is_found():
     space = Scripts.of(make_task(**PROVIDER), kinds)
     assert space.size == 1 + 4
     assert space.decode([0.5, 0.25, 0.3, 0.3, 0.3]) == {"sp_2": Stingy(service=0.925)}
-    for method in (GridSearch, RandomSearch, CmaEs):
+    for method in (RandomSearch, CmaEs):
         finding = found(method(attacks=kinds), PROVIDER, 8_000)
         assert finding.description.startswith("sp_2: on-off:period=")
         assert finding.scores.mean() > 0.1
@@ -137,9 +122,9 @@ def test_a_mixture_is_searched_and_its_best_kind_is_found():
 def test_who_has_no_attack_plays_honestly_and_an_attack_that_nobody_can_play_is_refused():
     space = Scripts.of(make_task(**CROWD), (OnOff,))
     assert space.size == 4
-    assert [
-        attack["sr_8"] for attack in (space.default, space.grid[0], space.decode([0.0] * 4))
-    ] == [HONEST_POLICY] * 3
+    assert [attack["sr_8"] for attack in (space.default, space.decode([0.0] * 4))] == [
+        HONEST_POLICY
+    ] * 2
     with refuses(ValueError, "bad-mouthing", "sp_2"):
         Scripts.of(make_task(**PROVIDER), (OnOff, BadMouthing))
 
@@ -151,10 +136,6 @@ def test_attacks_with_one_parameter_are_searched_and_without_any_refused(method)
     none = (partial(OnOff, period=2, duty=0.5, bad=0.0, good=1.0),)
     with refuses(UnsuitableError, "on-off"):
         found(method(attacks=none), PROVIDER, 12_000)
-    assert (
-        found(GridSearch(attacks=none), PROVIDER, 12_000).scores.tolist()
-        == found(PaperAttacks(), PROVIDER, 0).scores.tolist()
-    )
 
 
 def test_an_agent_with_both_roles_attacks_on_both_channels():
@@ -205,15 +186,6 @@ def test_more_budget_finds_more():
         found(RandomSearch(), PROVIDER, budget).scores.mean() for budget in (1_000, 20_000)
     )
     assert many > few
-
-
-@pytest.mark.slow
-def test_cma_es_beats_the_grid():
-    """Its own space holds the grid, and it goes on between the grid's lines."""
-    grid, best = (
-        found(method, PROVIDER, 30_000).scores.mean() for method in (GridSearch(), CmaEs())
-    )
-    assert best > 1.01 * grid
 
 
 @pytest.mark.parametrize("method", SEARCHERS, ids=lambda method: method.name)
