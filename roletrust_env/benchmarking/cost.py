@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from time import process_time
 
-from roletrust_env.benchmarking.cells import pairs, playable
+from roletrust_env.benchmarking.cells import find_attacks, pairs
 from roletrust_env.benchmarking.play import CellPlay
 from roletrust_env.benchmarking.search import FINALISTS
 from roletrust_env.benchmarking.suite import Cell, Rule, Suite
@@ -19,16 +19,14 @@ def game_rounds(suite: Suite, cell: Cell) -> int:
         sum(world.max_cycles for world in suite.worlds.worlds(use))
         for use in ("selection", "measured")
     )
-    tried = 0
-    if cell.method == "scripts":
-        attacks = 1 + len(playable(suite, cell, CellPlay(suite, cell).task("selection", 0)))
-    elif cell.method == "search":
+    play, tried = CellPlay(suite, cell), 0
+    if cell.method == "search":
         attacks = suite.search.starts * (1 + FINALISTS)
-        bases = pairs(suite, cell, CellPlay(suite, cell).task("selection", 0))
+        bases = pairs(suite, cell, play.task("selection", 0))
         further = suite.search.starts * suite.search.candidates * bool(bases)
         tried = suite.search.games * (len(bases) + further)
     else:
-        attacks = 1 + len(suite.replayed_in(cell.setting))
+        attacks = len(list(find_attacks(play)))
     return selection * (attacks * suite.selection_games + tried) + measured * suite.games
 
 

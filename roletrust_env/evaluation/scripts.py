@@ -10,7 +10,7 @@ game: `Accomplices` and `GameLength`.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, fields, is_dataclass
 from functools import partial
-from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import ValidationError
 
@@ -35,18 +35,6 @@ AttackKind = Callable[..., Policy]
 ParameterRange = SearchRange | Victims | Identities | tuple[Any, ...]
 """Range of a parameter in a search: an interval, victims, identities, or the options of a
 `Literal`."""
-
-
-class Coordinate(NamedTuple):
-    """One coordinate of a search space.
-
-    Attributes:
-        name: Name of the parameter.
-        at: Value of the parameter at a position in [0, 1].
-    """
-
-    name: str
-    at: Callable[[float], Any]
 
 
 class Space:
@@ -80,24 +68,28 @@ class Space:
         self._make, given = (kind.func, kind.keywords) if isinstance(kind, partial) else (kind, {})
         self._fixed = {**declared_facts(self._make, accomplices, length), **given}
         hints = _hints(self._make)
-        free = [name for name in hints if name not in self._fixed]
         self.default = self._policy()
         self.channels: frozenset[Channel] = self.default.attacks
-        axes = (_axis(name, hints[name], victims, reserve) for name in free)
-        self._axes = [axis for axis in axes if axis is not None]
+        self._coordinates = {
+            name: _value_at(range, hints[name], victims, reserve)
+            for name, range in declared_ranges(self._make).items()
+            if name not in self._fixed
+        }
 
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return len(self._axes)
+        return len(self._coordinates)
 
     def decode(self, point: Sequence[float] | Array) -> Policy:
         """Return the attack at a point of the cube [0, 1] ** size; further coordinates are
         ignored.
         """
-        return self._policy(
-            **{axis.name: axis.at(float(point[k])) for k, axis in enumerate(self._axes)}
-        )
+        values = {
+            name: value_at(float(point[k]))
+            for k, (name, value_at) in enumerate(self._coordinates.items())
+        }
+        return self._policy(**values)
 
     def _policy(self, **parameters: Any) -> Policy:
         given = {**self._fixed, **parameters}
@@ -195,21 +187,18 @@ def _short(value: Any) -> str:
     return str(value)
 
 
-def _axis(name: str, hint: Any, victims: tuple[int, ...], reserve: int) -> Coordinate | None:
-    """Return the coordinate that a field declares; None without a range."""
-    declared = _declared(hint)
-    if declared is None:
-        return None
+def _value_at(
+    declared: ParameterRange, hint: Any, victims: tuple[int, ...], reserve: int
+) -> Callable[[float], Any]:
+    """Return the function from a position in [0, 1] to the value of a field with a range."""
     if isinstance(declared, Victims):
-        at = _first_of(victims)
-    elif isinstance(declared, Identities):
-        at = _whole(1, max(1, reserve))
-    elif isinstance(declared, SearchRange):
+        return _first_of(victims)
+    if isinstance(declared, Identities):
+        return _whole(1, max(1, reserve))
+    if isinstance(declared, SearchRange):
         low, high = declared.low, declared.high
-        at = _whole(int(low), int(high)) if _bare(hint) is int else _between(low, high)
-    else:
-        at = _one_of(declared)
-    return Coordinate(name, at)
+        return _whole(int(low), int(high)) if _bare(hint) is int else _between(low, high)
+    return _one_of(declared)
 
 
 def _declared(hint: Any) -> ParameterRange | None:
