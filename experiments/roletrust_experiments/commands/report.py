@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
-from roletrust_experiments.commands.console import ALLOW_CODE, tell
+from roletrust_experiments.commands.console import tell
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import Out
 
@@ -26,7 +26,6 @@ def report(
             help="Folder with the pages of the trust models, to which it then links.",
         ),
     ] = "",
-    allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     out: Out = Path("results/report"),
 ) -> None:
     """Write [bold]the results of a benchmark[/] as one page that opens in any browser, without a
@@ -62,7 +61,7 @@ def report(
     paths = results or [Path("results/benchmark/results.sqlite")]
     for path in paths:
         check_unicode("the path of the results", str(path))  # which the page shows
-    content = read(paths, allow_code=allow_code)
+    content = read(paths)
     prepare_folder(out)
     for name, table in content.tables.items():
         write_csv(
@@ -72,15 +71,12 @@ def report(
         )
     drawn = write_figures(out, content, ".png", ".pdf")
     pictures = {name: (out / f"{name}.png").read_bytes() for name in drawn}
-    code = ["--allow-code"] if allow_code else []
     linked = [*(["--pages", pages] if pages else [])]
-    command = shlex.join(
-        ["roletrust", "report", *map(str, paths), *code, *linked, "--out", str(out)]
-    )
+    command = shlex.join(["roletrust", "report", *map(str, paths), *linked, "--out", str(out)])
     replayed, written = "", ["report.html"]
     if models := content.models:
         models.write(out)
-        replayed = shlex.join(["roletrust", "replay", str(models.path), *code])
+        replayed = shlex.join(["roletrust", "replay", str(models.path)])
         written += ["leaderboard.md", "regimes.csv"]
     write_text(out / "report.html", page(content, pictures, command, pages.rstrip("/"), replayed))
     tell(f"Written to {out}: {', '.join(written)}; {', '.join(drawn)}, each as .csv, .png and .pdf")

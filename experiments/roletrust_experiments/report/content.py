@@ -17,9 +17,7 @@ from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.suite_files import reproduction_command
-from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.report.board import Table, TrustModels
 
 
@@ -133,16 +131,14 @@ class Content(NamedTuple):
         return {name: table for part in self.parts for name, table in part.tables.items()}
 
 
-def read(paths: Iterable[Path], *, allow_code: bool = False) -> Content:
+def read(paths: Iterable[Path]) -> Content:
     """Return the content of the files of runs.
 
     Args:
         paths: Paths of the files.
-        allow_code: True if they may name trust models that are not installed.
 
     Raises:
-        ValueError: A file cannot be read, is empty or names an uninstalled model, or two files have
-            the same kind.
+        ValueError: A file cannot be read or is empty, or two files have the same kind.
     """
     content, taken = Content(), dict[str, Path]()
     for path in paths:
@@ -157,8 +153,6 @@ def read(paths: Iterable[Path], *, allow_code: bool = False) -> Content:
         if isinstance(suite, LearnersSuite):
             content = content._replace(learners=Learners.of(suite, stored, software, path))
         elif isinstance(suite, Suite):
-            if not allow_code:
-                check_installed(trust_models, suite.model_names)
             content = content._replace(models=TrustModels.of(suite, stored, software, path))
         else:
             raise ValueError(f"{path} is of a suite for {suite.kind}, which has no report")

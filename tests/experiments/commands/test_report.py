@@ -99,7 +99,7 @@ def test_the_page_has_the_settings_and_the_distribution_of_the_worlds(folder: Pa
 
 def test_rows_lead_to_the_pages_of_the_models(folder: Path, tmp_path: Path) -> None:
     suite = small_suite(models=["mean", "block", "roletrust_env.trust.models:Mean"])
-    page = _page_of(suite, tmp_path, "--pages", "../models/", "--allow-code")
+    page = _page_of(suite, tmp_path, "--pages", "../models/")
     assert "--pages ../models/ --out" in page
     for name in suite.model_names:
         link = f'<a href="../models/{name.partition(":")[0]}.html">{name}</a>'
