@@ -7,7 +7,6 @@ from pathlib import Path
 
 import typer
 
-from roletrust_baselines.panels.verdicts import all_methods
 from roletrust_env.benchmarking.suite_files import suites
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
@@ -138,7 +137,6 @@ def _refused_by_us(words: list[str]) -> str:
         return f"{type(error).__name__}: {error}"
     known = {
         "model": [*trust_models.names(), "all", *OUTSIDE],
-        "method": all_methods(),
         "attack": attackers.names(),
         "scenario": list(scenarios()),
         "suite": list(suites()),

@@ -32,7 +32,6 @@ _HERE = "roletrust_experiments.commands"
         "verify": f"{_HERE}.submit:verify",
         "rate": f"{_HERE}.rate:rate",
         "audit": f"{_HERE}.audit:audit",
-        "panel": f"{_HERE}.panel:panel",
         "serve": f"{_HERE}.serve:serve",
         "mcp": f"{_HERE}.mcp:mcp",
         "figures": f"{_HERE}.figures:figures",

@@ -27,15 +27,6 @@ ZOO = "../agents/roletrust_agents/zoo"
 """Folder of the attackers that come with the project, from `docs/`."""
 
 _CERTAIN = "--set max_cycles=200 --set noise=0 --set perturbations=[]"
-_LLMBAR = "panel {logs}/llm-judges/llmbar-votes.csv.gz --truth truth --kind subset --judge model"
-_PEERS = "panel {logs}/llm-judges/peer-rank-votes.csv.gz --item question --peers"
-_PRODUCT = "panel {logs}/crowd-product/answer.csv.gz --truth {logs}/crowd-product/truth.csv.gz"
-_BELIEVED = (
-    "--method role-trust --method leave-one-out --method first-hand --method yu-singh --method fire"
-)
-_JUDGED = f"--method majority --method labels-only {_BELIEVED}"
-_ELECTED = f"--method win-rate --method eigentrust {_BELIEVED}"
-_TRIALS = ("all", "bought", "one", "peers", "elected", "product")
 
 _EVOLVE = (
     "train CollusionAttack --learner evolution:start=random --steps 6000000 --objective mislead "
@@ -106,14 +97,6 @@ COMMANDS = {
         "audit {out}/log/ratings.csv.gz --same-agents --scale -10 10 --out {out}/audit",
     ],
     "real": ["rate {logs} --compare --out {out}"],
-    "judges": [
-        f"{_LLMBAR} --judge prompt --measure --out {{out}}/all",
-        f"{_LLMBAR} --judge prompt --bribes 100 {_JUDGED} --out {{out}}/bought",
-        f"{_LLMBAR} --measure {_JUDGED} --out {{out}}/one",
-        f"{_PEERS} --measure --out {{out}}/peers",
-        f"{_PEERS} --bribes 20 {_ELECTED} --out {{out}}/elected",
-        f"{_PRODUCT} --measure --labels 0 --labels 20 --draws 5 --out {{out}}/product",
-    ],
     "colluders": ["train CollusionAttack --stealth-weight 2 --runs 5 --out {out}/runs"],
     "universal": [
         f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}]"
@@ -152,13 +135,6 @@ FILES = {
     "optimum": {f"learners.{kind}": f"attackers/optimum.{kind}" for kind in ("md", "csv")},
     "audit": {"audit/audit.png": "audit.png"},
     "real": {f"comparison.{kind}": f"real/real.{kind}" for kind in ("md", "csv")},
-    "judges": {
-        "bought/panel.png": "judges/panel.png",
-        "all/panel.md": "judges/llmbar.md",
-        "product/panel.md": "judges/product.md",
-        **{f"{name}/panel.md": f"judges/{name}.md" for name in ("peers", "elected")},
-        **{f"{name}/measures.csv": f"judges/{name}.csv" for name in _TRIALS},
-    },
     "colluders": {},
     "universal": _attackers(list(UNIVERSAL), "universal-"),
     "treatment": _attackers([f"{name}-treatment" for name in TREATMENT], "universal-"),

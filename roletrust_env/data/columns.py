@@ -1,4 +1,4 @@
-"""Columns of a table of ratings or votes, and the names by which they are found."""
+"""Columns of a table of ratings, and the names by which they are found."""
 
 import re
 from collections.abc import Mapping
@@ -14,12 +14,6 @@ _COMMON = {
     "rating": "rating ratings score value weight stars star grade vote answer label response overall points mark sign",  # noqa: E501
     "time": "time timestamp datetime date ts when day created createdat unixtime unixreviewtime epoch blocktime "  # noqa: E501
     "blocktimestamp ratedat",
-    "item": "item question task instance example problem prompt pair object sample",
-    "judge": "judge worker annotator evaluator rater labeler reviewer voter grader model",
-    "vote": "vote answer label choice verdict preference winner response judgment judgement",
-    "truth": "truth gold correct reference groundtruth target",
-    "first": "first modela answera responsea",
-    "second": "second modelb answerb responseb",
 }
 _COMMON_NAMES = {role: frozenset(names.split()) for role, names in _COMMON.items()}
 

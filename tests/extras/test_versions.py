@@ -19,7 +19,7 @@ PYTHONS = [line.rpartition(" ")[2] for line in PROJECT["classifiers"] if ":: Pyt
 TORCH = re.search(r"^torch==.*$", PINNED.read_text(encoding="utf-8"), re.MULTILINE)[
     0
 ]  # the build for CPUs
-EVERYTHING = "all,jax,crowd"
+EVERYTHING = "all,jax"
 IMPORTED = """
 import importlib, pkgutil
 for package in ("roletrust_env", "roletrust_agents", "roletrust_baselines", "roletrust_experiments"):

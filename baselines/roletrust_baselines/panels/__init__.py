@@ -1,3 +1,0 @@
-"""Panels of judges that vote on items, and agents that judge one another: weights, verdicts and
-bought judges.
-"""
