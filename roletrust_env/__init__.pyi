@@ -2,7 +2,6 @@
 
 from roletrust_env import metrics as metrics
 from roletrust_env.benchmarking import benchmark as benchmark
-from roletrust_env.data import TrustStream as TrustStream
 from roletrust_env.envs.aec import env as env
 from roletrust_env.envs.jax_env import AttackJaxEnv as AttackJaxEnv
 from roletrust_env.envs.jax_env import RoleTrustJaxEnv as RoleTrustJaxEnv
@@ -31,6 +30,7 @@ from roletrust_env.game.sparse import SparseGame as SparseGame
 from roletrust_env.game.state import Actions as Actions
 from roletrust_env.game.state import Noise as Noise
 from roletrust_env.game.state import State as State
+from roletrust_env.logs import TrustStream as TrustStream
 from roletrust_env.randomness import Random as Random
 from roletrust_env.trust import TrustModel as TrustModel
 from roletrust_env.trust import make_trust_model as make_trust_model

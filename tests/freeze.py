@@ -36,7 +36,7 @@ import torch
 from freeze_faces import ROUNDS, faces
 
 import roletrust_env as rt
-from roletrust_env.data import TrustStream
+from roletrust_env.logs import TrustStream
 from roletrust_env.trust import Traits
 
 torch.set_num_threads(1)
@@ -223,7 +223,7 @@ def streams() -> Iterator[Case]:
                 f"{model} {'one role' if not same else 'same agents'}",
                 lambda m=model, s=same: saved(m, s),
             )
-    log = [("--every", "10"), ("--count", "37"), ()]
+    log = [("--every", "10"), ()]
     for model in (
         "role-trust",
         "leave-one-out",
@@ -279,7 +279,7 @@ def rated(arguments: list[str]) -> Any:
         path, columns = Path(folder) / "log.csv", [column.tolist() for column in ratings(9, 900)]
         lines = [f"a{a},a{b},{value},{when}" for a, b, value, when in zip(*columns, strict=True)]
         path.write_text("\n".join(["rater,ratee,rating,time", *lines, ""]))
-        return rate([str(path), "--scale", "1", "5", "--time", "time", *arguments])
+        return rate([str(path), "--scale", "1", "5", *arguments])
 
 
 def sparse() -> Iterator[Case]:

@@ -23,7 +23,13 @@ from roletrust_env.service.store import JournalStore
 
 FILES = Path(__file__).parent / "files" / "f785aa31"
 
-REFUSED: dict[str, type[Exception]] = {"results.sqlite": ValueError}
+REFUSED: dict[str, type[Exception]] = dict.fromkeys(
+    (
+        *("results.sqlite", "stream-role-trust.npz"),
+        *("stream-leave-one-out.npz", "stream-beta.npz"),
+    ),
+    ValueError,
+)
 """Files of another format than that of this version, and the error that names it."""
 
 

@@ -146,8 +146,8 @@ def test_the_attack_is_searched_under_the_model(tmp_path: Path) -> None:
     )
     rows = {row["rung"]: row for row in csv_rows(tmp_path / "ladder.csv")}
     scores = {rung: float(row["score"]) for rung, row in rows.items()}
-    assert scores["scripted, best of grid"] > scores["scripted, default"] > scores["honest play"]
-    assert rows["scripted, best of grid"]["attack"] == "sr_2: gossip:harm=1,since=0"
+    assert scores["random search"] > scores["scripted, default"] > scores["honest play"]
+    assert rows["random search"]["attack"].startswith("sr_2: gossip:harm=0.9")
     assert "white-box planner" not in rows
 
 

@@ -31,6 +31,7 @@ _HERE = "roletrust_experiments.commands"
         "submit": f"{_HERE}.submit:submit",
         "verify": f"{_HERE}.submit:verify",
         "rate": f"{_HERE}.rate:rate",
+        "compare": f"{_HERE}.compare:compare",
         "audit": f"{_HERE}.audit:audit",
         "serve": f"{_HERE}.serve:serve",
         "mcp": f"{_HERE}.mcp:mcp",

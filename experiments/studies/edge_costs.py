@@ -21,8 +21,8 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env import make_scenario
-from roletrust_env.data import TrustStream
 from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.logs import TrustStream
 from roletrust_env.memory import in_bytes
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table

@@ -27,6 +27,7 @@ ZOO = "../agents/roletrust_agents/zoo"
 """Folder of the attackers that come with the project, from `docs/`."""
 
 _CERTAIN = "--set max_cycles=200 --set noise=0 --set perturbations=[]"
+_OTC = "--columns rater=1,ratee=2,rating=3,time=4 --read header=false"
 
 _EVOLVE = (
     "train CollusionAttack --learner evolution:start=random --steps 6000000 --objective mislead "
@@ -93,10 +94,10 @@ COMMANDS = {
     "learners": ["benchmark --suite learners-coalitions --out {out}"],
     "optimum": ["benchmark --suite learners-optimum --out {out}"],
     "audit": [
-        "rate {out}/log --compare --synthetic --model leave-one-out --out {out}/rate",
+        "compare {out}/log --synthetic --model leave-one-out --out {out}/rate",
         "audit {out}/log/ratings.csv.gz --same-agents --scale -10 10 --out {out}/audit",
     ],
-    "real": ["rate {logs} --compare --out {out}"],
+    "real": [f"compare {{logs}} {_OTC} --scale -10 10 --same-agents --out {{out}}"],
     "colluders": ["train CollusionAttack --stealth-weight 2 --runs 5 --out {out}/runs"],
     "universal": [
         f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}]"

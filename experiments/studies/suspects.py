@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from roletrust_baselines.logs.suspects import SHUFFLES, alike, find_suspects, shuffled, threshold
-from roletrust_env.data.columns import Columns
-from roletrust_env.data.log import RatingLog, read_ratings
-from roletrust_env.data.log_rounds import log_rounds
+from roletrust_env.logs.log import Log, read
+from roletrust_env.logs.log_rounds import log_rounds
+from roletrust_env.logs.sources import Reading
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.key_index import Floats, Ints
@@ -60,15 +60,15 @@ RECIPES = {"suspects": Recipe(Options(), {"suspects.md": "real/suspects.md"})}
 
 
 @lru_cache(1)
-def read(path: Path) -> RatingLog:
+def read_otc(path: Path) -> Log:
     """Return the log of Bitcoin OTC."""
-    return read_ratings(
-        path, Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True, repeats=True
-    )
+    columns = {"rater": "1", "ratee": "2", "rating": "3", "time": "4"}
+    reading = Reading(header=False, repeats=True)
+    return read(path, **columns, scale=(-10, 10), same_agents=True, reading=reading)
 
 
 def planted(
-    log: RatingLog,
+    log: Log,
     size: int,
     targets: int,
     rated: int,
@@ -76,7 +76,7 @@ def planted(
     rng: np.random.Generator,
     *,
     honest: bool,
-) -> tuple[RatingLog, Ints]:
+) -> tuple[Log, Ints]:
     """Return a log with new accounts that rate targets in its second half, and their places.
 
     Args:
@@ -127,7 +127,7 @@ def plant(options: Options, size: int, targets: int, honest: bool, seed: int) ->
     """Return the share of the accounts of one log in one group, and whether it is accused."""
     rng = np.random.default_rng(seed)
     log, accounts = planted(
-        read(options.log), size, targets, options.rated, options.cover, rng, honest=honest
+        read_otc(options.log), size, targets, options.rated, options.cover, rng, honest=honest
     )
     search = find_suspects(
         make_trust_model(options.model), log, log_rounds(log, _QUARTER), seed=seed
@@ -143,9 +143,11 @@ def plant(options: Options, size: int, targets: int, honest: bool, seed: int) ->
 def count_groups(options: Options, seed: int) -> Run:
     """Return the number of groups in shuffled logs."""
     rng = np.random.default_rng(seed)
-    joined, _ = threshold([shuffled(read(options.log), rng) for _ in range(SHUFFLES)])
+    joined, _ = threshold([shuffled(read_otc(options.log), rng) for _ in range(SHUFFLES)])
     return {
-        "groups": sum(len(alike(shuffled(read(options.log), rng), joined)) for _ in range(_LOGS))
+        "groups": sum(
+            len(alike(shuffled(read_otc(options.log), rng), joined)) for _ in range(_LOGS)
+        )
     }
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from roletrust_baselines.logs.sybil_graphs import SybilGraph, Topology
-from roletrust_env.data import read_ratings
-from roletrust_env.data.log import RatingLog
 from roletrust_env.evaluation.specs import parse_named
+from roletrust_env.logs import read
+from roletrust_env.logs.log import Log
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.model import registry
@@ -105,7 +105,7 @@ def main(study: Study[Options]) -> None:
     study.page("gains.md", sentence(gains_by_key), table(gains_by_key), made)
 
 
-def community(members: int, rng: np.random.Generator) -> RatingLog:
+def community(members: int, rng: np.random.Generator) -> Log:
     """Return the ratings of a synthetic community: members join one after the other and trade with
     six others.
 
@@ -123,7 +123,7 @@ def community(members: int, rng: np.random.Generator) -> RatingLog:
     raters, ratees = np.array(pairs).T
     values = np.clip(quality[ratees] + rng.normal(0, 0.1, len(pairs)), 0, 1)
     names = [str(k) for k in range(members)]
-    return RatingLog(raters, ratees, values, None, names, names, was_sorted=True)
+    return Log(raters, ratees, values, None, names, names)
 
 
 def measured(options: Options, seed: int, run: int) -> Run:
@@ -132,7 +132,7 @@ def measured(options: Options, seed: int, run: int) -> Run:
     """
     rng = np.random.default_rng([seed, run])
     if options.log:
-        log = read_ratings(Path(options.log), scale=(options.low, options.high), same_agents=True)
+        log = read(Path(options.log), scale=(options.low, options.high), same_agents=True)
     else:
         log = community(options.members, rng)
     members = (options.seeds + rng.permutation(len(log.rater_names) - options.seeds)).tolist()
@@ -153,7 +153,7 @@ def measured(options: Options, seed: int, run: int) -> Run:
 def gains(
     model: str,
     attack: SybilGraph,
-    log: RatingLog,
+    log: Log,
     seeds: int,
     helpers: Sequence[int] = (),
     bought: int | None = None,

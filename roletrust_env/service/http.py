@@ -18,9 +18,9 @@ from fastapi.responses import JSONResponse, PlainTextResponse, StreamingResponse
 from starlette.exceptions import HTTPException as StarletteHTTPException
 from starlette.routing import Match
 
-from roletrust_env.data.explanation import Explanation as Found
 from roletrust_env.errors import printable
 from roletrust_env.live.validation import RefusalReason
+from roletrust_env.logs.explain import Explanation as Found
 from roletrust_env.service import answers
 from roletrust_env.service.journal_trust import RoundEnd
 from roletrust_env.service.manager import TrustManager

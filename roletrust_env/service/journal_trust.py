@@ -8,18 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy import Select, select
 
-from roletrust_env.data.evidence import Evidence, Role, evidence
-from roletrust_env.data.explanation import Explanation, explain
-from roletrust_env.data.log import RatingLog
-from roletrust_env.data.log_rounds import log_rounds, played
-from roletrust_env.data.names import NameIndex
-from roletrust_env.data.rounds import MOST, check_rounds, round_numbers
-from roletrust_env.data.stream import TrustStream
-from roletrust_env.data.units import check_scale, unit_ratings
+from roletrust_env.logs.evidence import Evidence, Role, evidence
+from roletrust_env.logs.explain import Explanation, explain
+from roletrust_env.logs.log import Log
+from roletrust_env.logs.log_rounds import log_rounds, played
+from roletrust_env.logs.names import NameIndex
+from roletrust_env.logs.rounds import MOST, nanoseconds, round_numbers
+from roletrust_env.logs.stream import TrustStream
+from roletrust_env.logs.units import check_scale, unit_ratings
 from roletrust_env.service.store import JournalStore, events
 from roletrust_env.trust.edges import runs_on_edges
 from roletrust_env.trust.grid_run import check_grid_memory
-from roletrust_env.trust.key_index import Floats
+from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.model import TrustModel
 from roletrust_env.trust.run import make_run
 
@@ -32,7 +32,7 @@ _FAR = MOST - 2  # rounds without a rating after which none can be taken
 
 class Standing(NamedTuple):
     """Trust in an agent in a role, and what it rests on, see
-    `roletrust_env.data.evidence.Evidence`.
+    `roletrust_env.logs.evidence.Evidence`.
 
     Attributes:
         trust: Trust, in [0, 1].
@@ -99,7 +99,8 @@ class Ranking:
         of, place = len(self.names), self.place(name)
         if place == of:
             return Standing(start, of=of)
-        return Standing._make([*(column[place].item() for column in self._columns), place + 1, of])
+        *numbers, last = (column[place].item() for column in self._columns)
+        return Standing._make([*numbers, last / 1e9, place + 1, of])
 
 
 class JournalTrust:
@@ -137,7 +138,7 @@ class JournalTrust:
         same_agents: bool,
     ) -> None:
         check_scale(scale)
-        check_rounds(every, None)
+        self._length = nanoseconds("every", every)
         self._store, self._model = store, model
         self._every, self._scale, self._same_agents = every, scale, same_agents
         self._stream = None
@@ -156,8 +157,8 @@ class JournalTrust:
             "ratee": float(newcomer.provider_trust[0]),
             "rater": float(newcomer.rater_trust[0]),
         }
-        self._start: float | None = None  # time of the first rating
-        self._first: float | None = None  # of the first that does not count yet
+        self._start: int | None = None  # time of the first rating, nanoseconds
+        self._first: int | None = None  # of the first that does not count yet
         self.rankings: dict[Role, Ranking] = {"ratee": Ranking(), "rater": Ranking()}
 
     def fits(self, agents: int) -> bool:
@@ -173,12 +174,13 @@ class JournalTrust:
         """Return whether a time has a round: there may have been too many rounds without a rating
         before it.
         """
-        return self._start is None or time <= self._furthest
+        return self._start is None or time * 1e9 <= self._furthest
 
     def expect(self, time: float) -> None:
         """Take note that the journal has ratings from a time on."""
-        self._start = time if self._start is None else self._start
-        self._first = time if self._first is None else self._first
+        first = round(time * SECOND) * 1000
+        self._start = first if self._start is None else self._start
+        self._first = first if self._first is None else self._first
 
     def advance(self, now: float) -> RoundEnd | None:
         """Count the ratings of rounds whose time is over, and return what has changed; None if none
@@ -190,19 +192,23 @@ class JournalTrust:
         Raises:
             StoreError: The journal cannot be read.
         """
-        if self._first is None or (running := self._round(now)) <= self._round(self._first):
+        if self._first is None:
+            return None
+        if (running := self._round(round(now * 1e9))) <= self._round(self._first):
             return None
         before, self._first, number = self.rankings, None, self.n_counted
         for rows in self._store.blocks(self._ratings()):
-            times = np.array([row.time for row in rows]) / SECOND
+            times = np.array([row.time for row in rows]) * 1000
             ended = int(np.searchsorted(self._rounds(times), running))
             if ended:
                 _, raters, providers, values, _ = zip(*rows[:ended], strict=True)
                 if self._stream is not None:
-                    self._stream.update(raters, providers, values, times[:ended])
+                    self._stream.update(
+                        raters, providers, values, times[:ended].view("datetime64[ns]")
+                    )
                 self.counted, number = rows[ended - 1].seq, number + ended
             if ended < len(rows):
-                self._first = float(times[ended])
+                self._first = int(times[ended])
                 break
         rounds, evidence_of = (
             self._played_all() if self._stream is None else self._finished(self._stream)
@@ -263,7 +269,7 @@ class JournalTrust:
             return None
         return explain(self._model, log, log_rounds(log, self._every), role, agent), other
 
-    def _log(self) -> RatingLog:
+    def _log(self) -> Log:
         """Return the ratings that count."""
         rows = self._store.rows(self._ratings(until=self.counted))
         raters = NameIndex("raters")
@@ -273,11 +279,9 @@ class JournalTrust:
             for side, index in enumerate((raters, ratees), 1)
         )
         values = unit_ratings(np.array([row.rating for row in rows]), self._scale)
-        times = np.array([row.time for row in rows]) / SECOND
+        times = np.array([row.time for row in rows]) * 1000
         names = raters.names
-        return RatingLog(
-            i, j, values, times, names, names if raters is ratees else ratees.names, was_sorted=True
-        )
+        return Log(i, j, values, times, names, names if raters is ratees else ratees.names)
 
     def _ratings(self, until: int | None = None) -> Select[Any]:
         """Return the query of the ratings that do not count yet, or of all up to an event."""
@@ -286,12 +290,12 @@ class JournalTrust:
         return query.where(events.c.seq > self.counted if until is None else events.c.seq <= until)
 
     @property
-    def _furthest(self) -> float:
-        """The latest time that has a round."""
-        return (self._start or 0.0) + self._every * (self.rounds + _FAR)
+    def _furthest(self) -> int:
+        """The latest time that has a round, nanoseconds."""
+        return (self._start or 0) + self._length * (self.rounds + _FAR)
 
-    def _rounds(self, times: Floats) -> Any:
-        return round_numbers(times, self._every, self._start or 0.0, self.rounds)
+    def _rounds(self, times: Ints) -> Any:
+        return round_numbers(times, self._length, self._start or 0, self.rounds)
 
-    def _round(self, time: float) -> int:
+    def _round(self, time: int) -> int:
         return int(self._rounds(np.array([min(time, self._furthest)]))[0])

@@ -4,16 +4,16 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.data.log import RatingLog
-from roletrust_env.data.log_rounds import log_rounds
 from roletrust_env.live.recorded_team import TeamObservation
 from roletrust_env.live.team import Team
+from roletrust_env.logs.log import Log
+from roletrust_env.logs.log_rounds import log_rounds
 from roletrust_env.metrics.score import ratio
 
 _MOST = 10_000_000  # numbers of all rounds
 
 
-def observe_log(log: RatingLog, every: float) -> TeamObservation:
+def observe_log(log: Log, every: float) -> TeamObservation:
     """Return the rounds of a log, such as the export of a trust manager. A name is one agent in
     both roles.
 

@@ -12,8 +12,6 @@ from typing import Any
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from sqlalchemy import select
 
-from roletrust_env.data.evidence import Role
-from roletrust_env.data.explanation import Explanation
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.live.clock import steady
 from roletrust_env.live.validation import (
@@ -25,6 +23,8 @@ from roletrust_env.live.validation import (
     rating_error,
 )
 from roletrust_env.live.wire.keys import KnownKeys
+from roletrust_env.logs.evidence import Role
+from roletrust_env.logs.explain import Explanation
 from roletrust_env.parameters import truth_value
 from roletrust_env.service.journal_trust import SECOND, JournalTrust, RoundEnd, Standing
 from roletrust_env.service.requests import (

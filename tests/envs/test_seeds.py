@@ -30,9 +30,9 @@ from roletrust_env import (
     make_task,
     parallel_env,
 )
-from roletrust_env.data.dialect import Dialect
-from roletrust_env.data.log import read_ratings
 from roletrust_env.evaluation.search import Budget
+from roletrust_env.logs.log import read
+from roletrust_env.logs.sources import Reading
 from roletrust_env.testing import check_attack, check_trust_model
 
 COMES_LATER = {
@@ -116,9 +116,6 @@ def test_whole_numbers_may_be_numpys_and_fit() -> None:
         "max_episode_steps": lambda n: gymnasium.make_vec(RATER, num_envs=1, max_episode_steps=n),
         "games": lambda n: evaluate("mean", "bad-mouthing", games=n),
         "the budget": Budget,
-        "the number of ratings of a round": lambda n: TrustStream(
-            roletrust_env.make_trust_model("mean"), count=n
-        ),
         "workers": lambda n: n == 3 or roletrust_env.benchmark(["mean"], workers=n),
     }
     for name, take in takers.items():
@@ -145,7 +142,6 @@ def test_truth_values_have_one_rule(tmp_path: Path) -> None:
         make_task("paper-3x3", ("sp_2",)),
         roletrust_env.make_trust_model("mean"),
     )
-    (tmp_path / "log.csv").write_text("rater,ratee,rating\na,b,1\nc,d,0\n")
     takers: dict[str, Callable[[Any], Any]] = {
         "same_agents": lambda on: TrustStream(mean, same_agents=on).same_agents,
         "repeats": lambda on: TrustStream(mean, repeats=on).repeats,
@@ -154,28 +150,24 @@ def test_truth_values_have_one_rule(tmp_path: Path) -> None:
             DiscretizeLevels(game, 3, multidiscrete=on).action_space != Discrete(27)
         ),
         "scaled": lambda on: AttackVecEnv(task, 1, scaled=on).action_space.low.min() < 0,
-        "header": lambda on: (
-            len(read_ratings(tmp_path / "log.csv", dialect=Dialect(header=on)).values) == 2
-        ),
+        "header": lambda on: Reading(header=on).header,
     }
     for name, take in takers.items():
-        if name != "header":
-            assert [take(on) for on in ("no", 0, np.False_, True, 1, "yes")] == [False] * 3 + [
-                True
-            ] * 3, name
+        assert [take(on) for on in ("no", 0, np.False_, True, 1, "yes")] == [False] * 3 + [
+            True
+        ] * 3, name
         for wrong in (
             "maybe",
             2,
             [],
             np.array([True, False]),
             math.nan,
-            *([None] if name != "header" else []),
+            None,
         ):
             with refuses(ValueError, name):
                 take(wrong)
-    for name in ("same_agents", "repeats", "missing"):
-        with refuses(ValueError, "maybe", name):
-            read_ratings(tmp_path / "log.csv", **{name: "maybe"})
+    with refuses(ValueError, "maybe", "same_agents"):
+        read({}, same_agents="maybe")
     for name in ("force", "progress"):
         with refuses(ValueError, "maybe", name):
             roletrust_env.benchmark(["mean"], workers=0, **{name: "maybe"})

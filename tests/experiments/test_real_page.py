@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from roletrust_baselines.logs.folders import KNOWN
-from roletrust_baselines.logs.measures import Row, markdown, measure_tables, recommendations
+from roletrust_baselines.logs.measures import Row, measure_tables
 from roletrust_baselines.logs.models import LOG_MODELS
-from roletrust_experiments.commands.comparison import HEADER
+from roletrust_env.storage.markdown import markdown_table
+from roletrust_experiments.commands.compare import HEADER
 
 HOUSE = Path(__file__).parents[2]
 PAGE = (HOUSE / "docs" / "real.md").read_text(encoding="utf-8")
@@ -31,7 +32,8 @@ def rows() -> list[Row]:
 
 
 def test_the_tables_are_those_of_the_numbers(rows: list[Row]) -> None:
-    assert markdown(measure_tables(rows), recommendations(rows), []) == TABLES
+    for title, headings, lines in measure_tables(rows):
+        assert f"## {title}\n\n{markdown_table(headings, lines, names=1)}" in TABLES
 
 
 def test_they_are_of_the_known_logs(rows: list[Row]) -> None:

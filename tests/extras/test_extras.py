@@ -174,9 +174,9 @@ def test_logs(fresh: Callable[..., Environment]) -> None:
     lines = """
 from pathlib import Path
 import pyarrow as arrow, pyarrow.parquet
-from roletrust_env.data import read_ratings
+from roletrust_env.logs import read
 arrow.parquet.write_table(arrow.table({"rater": ["a"], "ratee": ["x"], "rating": [1]}), "log.parquet")
-print(read_ratings(Path("log.parquet")).shape)
+print(read(Path("log.parquet")).shape)
 """  # noqa: E501
     assert fresh("data").python(lines) == "(1, 1)\n"
 

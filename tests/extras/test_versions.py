@@ -90,9 +90,7 @@ def check(environment: Environment) -> None:
     torch."""
     assert environment.python(PLAYED) == "(2,)\n"
     environment.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2)
-    environment.roletrust(
-        "rate", "log", "--compare", "--synthetic", "--model", "mean", "--out", "measured"
-    )
+    environment.roletrust("compare", "log", "--synthetic", "--model", "mean", "--out", "measured")
     assert environment.python(SERVED) == "True\n"
     assert "Made in keys" in environment.roletrust("live", "keys", "keys")
 

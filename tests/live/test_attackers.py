@@ -22,6 +22,7 @@ PARAMETERS = {
     "orchestrated": "accomplices=[sp_0]",
     "cheating-ring": "accomplices=[sp_0]",
     "milking-ring": "accomplices=[sp_0]",
+    "divided-ring": "accomplices=[sp_0]",
 }
 
 ELSEWHERE = {

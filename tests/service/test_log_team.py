@@ -34,7 +34,7 @@ def export(tmp_path: Path) -> Path:
                 ]
                 requests += [Request(Rating, tokens)] if tokens else []
             assert all(isinstance(answer, list) for answer in manager.take(requests))
-            clock.now += 10
+            clock.now += 10.001  # events differ by microseconds
         (tmp_path / "ratings.csv").write_text("".join(manager.export()))
     return tmp_path / "ratings.csv"
 

@@ -16,11 +16,11 @@ from refusals import refuses
 from signing_agents import NAME, QUICK, START, Agent, Clock, OneByOne, managed
 from sqlalchemy import text
 
-from roletrust_env.data import Columns, TrustStream, read_ratings
-from roletrust_env.data.evidence import evidence
-from roletrust_env.data.log_rounds import log_rounds, played
-from roletrust_env.data.rounds import MOST
 from roletrust_env.live.validation import RefusalReason
+from roletrust_env.logs import TrustStream, read
+from roletrust_env.logs.evidence import evidence
+from roletrust_env.logs.log_rounds import log_rounds, played
+from roletrust_env.logs.rounds import MOST
 from roletrust_env.service import journal_trust
 from roletrust_env.service.manager import TrustManager
 from roletrust_env.service.requests import RefusedError, Request
@@ -57,19 +57,14 @@ def as_rated(manager: OneByOne, path: Path, model: str) -> None:
     """Check that trust is that of `roletrust rate` on the export."""
     path.write_text("".join(manager.export(counted=True)))
     settings = manager.settings
-    log = read_ratings(
-        path,
-        Columns(time="time"),
-        scale=settings.scale,
-        same_agents=settings.same_agents,
-        every=settings.every,
-    )
+    log = read(path, scale=settings.scale, same_agents=settings.same_agents)
     run = played(make_trust_model(model), log, log_rounds(log, settings.every))
     for role, trust in (("ratee", run.provider_trust), ("rater", run.rater_trust)):
         wanted = evidence(log, role, trust, log.pairs()).ranked()
         found = manager._trust.rankings[role]
         assert found.names == list(wanted.names)
         for name, one, other in zip(wanted._fields[1:], wanted[1:], found._columns, strict=True):
+            one, other = (np.asarray(each).astype(float) for each in (one, other))
             np.testing.assert_allclose(other, one, rtol=0, atol=1e-12, err_msg=name)
 
 

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from roletrust_env.data.columns import Columns
-from roletrust_env.data.log import read_ratings
 from studies.study import run
-from studies.suspects import planted
+from studies.suspects import planted, read_otc
 
 
 def written(path: Path) -> Path:
@@ -24,12 +22,7 @@ def written(path: Path) -> Path:
 
 
 def test_accounts_rate_the_same_targets_and_a_club_as_others_do(tmp_path: Path) -> None:
-    log = read_ratings(
-        written(tmp_path / "log.csv"),
-        Columns("1", "2", "3", "4"),
-        scale=(-10, 10),
-        same_agents=True,
-    )
+    log = read_otc(written(tmp_path / "log.csv"))
     for honest in (False, True):
         found, accounts = planted(log, 6, 4, 4, 3, np.random.default_rng(1), honest=honest)
         new = np.isin(found.raters, accounts)

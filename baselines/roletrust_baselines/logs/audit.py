@@ -32,8 +32,8 @@ from roletrust_baselines.logs.ranking import (
     Target,
 )
 from roletrust_baselines.logs.resampling import interval, mean_intervals
-from roletrust_env.data.evidence import Rank
-from roletrust_env.data.log_rounds import log_rounds
+from roletrust_env.logs.evidence import Rank
+from roletrust_env.logs.log_rounds import log_rounds
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.key_index import Floats
 

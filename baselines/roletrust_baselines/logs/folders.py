@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.data.tables import ENDINGS
 from roletrust_env.randomness import generator
 
 KNOWN = {"76bd9d8f1d3ff9a1813d9fc8e6902a0ee4d0a2f8c1003842dbc9ec79149ab60c": "Bitcoin OTC"}
@@ -25,6 +24,10 @@ SOURCES = (
     "with the same columns (.parquet)"
 )
 """Form of the files, and where to get one."""
+
+_ENDINGS = tuple(
+    end + packed for end in (".csv", ".tsv", ".parquet", ".jsonl") for packed in ("", ".gz")
+)
 
 
 class Folder(NamedTuple):
@@ -53,7 +56,9 @@ def find_logs(folder: Path) -> list[Folder]:
     found = list[Folder]()
     for place in [folder, *sorted(path for path in folder.glob("*") if path.is_dir())]:
         tables = [
-            (path, path.name.removesuffix(end)) for end in ENDINGS for path in place.glob(f"*{end}")
+            (path, path.name.removesuffix(end))
+            for end in _ENDINGS
+            for path in place.glob(f"*{end}")
         ]
         found += [
             _folder(path)
@@ -78,8 +83,7 @@ def _folder(path: Path) -> Folder:
 
 
 def write_log(path: Path, seed: int = 0, members: int = 120, months: int = 24) -> None:
-    """Write a small synthetic log of members that rate members from -10 to 10, compressed, without
-    header.
+    """Write a small synthetic log of members that rate members from -10 to 10, compressed.
 
     A tenth of the members cheat. Members join over time, prefer those that have been rated often,
     and differ in how often they rate; some always say 10, and some say the opposite of what they
@@ -101,7 +105,7 @@ def write_log(path: Path, seed: int = 0, members: int = 120, months: int = 24) -
         rng.exponential(1.5, members),
         np.ones(members),
     )
-    lines = []
+    lines = ["rater,ratee,rating,time\n"]
     for time in np.sort(rng.uniform(0, months, members * months)):
         there = np.flatnonzero(joined <= time)
         if len(there) < 2:

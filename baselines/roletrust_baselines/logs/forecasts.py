@@ -11,9 +11,9 @@ import numpy as np
 
 from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.resampling import auc, correlation, interval, mean
-from roletrust_env.data.log import RatingLog
-from roletrust_env.data.log_rounds import log_rounds, play_round
-from roletrust_env.data.rounds import spans
+from roletrust_env.logs.log import Log
+from roletrust_env.logs.log_rounds import log_rounds, play_round
+from roletrust_env.logs.rounds import spans
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.metrics.score import ratio
 from roletrust_env.trust.algorithms import agent_trust
@@ -45,7 +45,7 @@ class Forecasts(NamedTuple):
     since: int
 
 
-def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) -> Forecasts:
+def forecasts(model: Any, log: Log, every: float, *, same_agents: bool) -> Forecasts:
     """Return what a model publishes before each round of a log.
 
     All agents of the log are present from the first round on, unlike in a `TrustStream`. A model
@@ -75,7 +75,7 @@ def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) ->
     )
 
 
-def next_rating(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, Interval]:
+def next_rating(found: Forecasts, log: Log, seed: int = 0) -> dict[str, Interval]:
     """Return how well trust in a ratee forecasts its next ratings.
 
     - `auc`: negative ratings, below the middle of the scale, against the others, of ratees with
@@ -104,7 +104,7 @@ def next_rating(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, In
 
 
 def rated_before(
-    found: Forecasts, log: RatingLog, scale: tuple[float, float], seed: int = 0
+    found: Forecasts, log: Log, scale: tuple[float, float], seed: int = 0
 ) -> dict[str, Interval]:
     """Return how well trust forecasts ratings of ratees with earlier ones, as in studies of signed
     networks.
@@ -138,7 +138,7 @@ def rated_before(
     return measures
 
 
-def past_mean(found: Forecasts, log: RatingLog) -> Floats:
+def past_mean(found: Forecasts, log: Log) -> Floats:
     """Return the mean of the ratings of each ratee in earlier rounds, shape (n,); NaN where there
     is none.
     """
@@ -192,7 +192,7 @@ def _from_past(found: Forecasts, values: Floats) -> Floats:
     return line
 
 
-def rater_forward(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, Interval]:
+def rater_forward(found: Forecasts, log: Log, seed: int = 0) -> dict[str, Interval]:
     """Return how well trust in a rater forecasts that its next ratings are against the view of the
     others.
 

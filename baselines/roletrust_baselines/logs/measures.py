@@ -6,11 +6,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.advice import FORECAST, advise, kept
+from roletrust_baselines.logs.decision import Evaluated
 from roletrust_baselines.logs.errors import TooSmallError
-from roletrust_baselines.logs.forecasts import forecasts, next_rating, rated_before, rater_forward
-from roletrust_baselines.logs.replay import Replay, replay_attacks
-from roletrust_env.data.log import RatingLog
+from roletrust_baselines.logs.forecasts import (
+    forecasts,
+    next_rating,
+    past_mean,
+    rated_before,
+    rater_forward,
+)
+from roletrust_baselines.logs.replay import Attack, Replay, Shift, replay_attacks
+from roletrust_env.logs.log import Log
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
 
@@ -37,71 +43,65 @@ class Protocols(NamedTuple):
     scale: tuple[float, float]
     seed: int
 
-    def measure(self, model: Any, log: RatingLog) -> tuple[Found, dict[str, str]]:
-        """Return the measures of a model on a log, and the reasons why some could not be played, by
-        what they are.
+    def measure(self, model: Any, log: Log) -> "Measured":
+        """Return the measures of a model on a log.
+
+        Raises:
+            MemoryError: The model does not fit, see `make_run`.
         """
-        found, missing = Found(), {}
-        for what, play in (("forecasts", self._forecasts), ("attacks", self._attacks)):
-            try:
-                found |= play(model, log)
-            except TooSmallError as error:
-                missing[what] = str(error)
-        return found, missing
+        found, missing, evaluated = Found(), dict[str, str](), None
+        try:
+            before = forecasts(model, log, self.every, same_agents=log.same_agents)
+        except TooSmallError as error:
+            missing["forecasts"] = str(error)
+        else:
+            found = _named("rated before", rated_before(before, log, self.scale, self.seed))
+            found |= _named("next rating", next_rating(before, log, self.seed))
+            found |= _named("rater forward", rater_forward(before, log, self.seed))
+            known = np.flatnonzero(~np.isnan(past_mean(before, log)))
+            if len(known):
+                evaluated = Evaluated(before.since + known, before.top[known], None)
+        try:
+            replay = Replay(model, log, self.every, same_agents=log.same_agents)
+        except TooSmallError as error:
+            missing["attacks"] = str(error)
+        else:
+            shifts = replay_attacks(replay, seed=self.seed)
+            for attack, shift in shifts.items():
+                found["attack", f"{attack.goal}, honest"] = shift.before
+                found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = shift.after
+            if evaluated is not None:
+                evaluated = evaluated._replace(kept=_kept(shifts))
+        return Measured(found, missing, evaluated)
 
-    def _forecasts(self, model: Any, log: RatingLog) -> Found:
-        before = forecasts(model, log, self.every, same_agents=log.same_agents)
-        found = _named("rated before", rated_before(before, log, self.scale, self.seed))
-        found |= _named("next rating", next_rating(before, log, self.seed))
-        return found | _named("rater forward", rater_forward(before, log, self.seed))
 
-    def _attacks(self, model: Any, log: RatingLog) -> Found:
-        found = Found()
-        replay = Replay(model, log, self.every, same_agents=log.same_agents)
-        for attack, shift in replay_attacks(replay, seed=self.seed).items():
-            found["attack", f"{attack.goal}, honest"] = shift.before
-            found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = shift.after
-        return found
+class Measured(NamedTuple):
+    """Measures of a model on a log.
+
+    Attributes:
+        intervals: Measures by protocol and name.
+        missing: Why some could not be measured, by what they are.
+        evaluated: What the model published, for paired comparisons; None without forecasts.
+    """
+
+    intervals: Found
+    missing: dict[str, str]
+    evaluated: Evaluated | None
+
+
+def _kept(shifts: Mapping[Attack, Shift]) -> Any:
+    """Return what each target keeps under the worst attack of each goal, shape (2, targets): its
+    percentile if the attack sinks it, and what it lacks of the top if the attack lifts it.
+    """
+    by_goal: dict[str, list[Any]] = {}
+    for attack, shift in shifts.items():
+        kept = shift.targets if attack.goal == "sink" else 1 - shift.targets
+        by_goal.setdefault(attack.goal, []).append(kept)
+    return np.stack([min(attacks, key=np.mean) for attacks in by_goal.values()])
 
 
 def _named(protocol: str, measures: Mapping[str, Interval]) -> Found:
     return {(protocol, what): value for what, value in measures.items()}
-
-
-def recommendations(rows: list[Row]) -> list[str]:
-    """Return a line for each log with forecasts: which model suits it, and why."""
-    advice = {log: advise(models) for log, models in _by_log(rows).items()}
-    return [f"{log}: {one.words}" for log, one in advice.items() if one]
-
-
-def summaries(rows: list[Row]) -> dict[str, list[tuple[str, str, str]]]:
-    """Return the models of each log, the best forecast first, with their forecast and what they
-    keep under attack.
-    """
-    return {
-        log: [
-            (
-                name,
-                interval_text(one.get(FORECAST, _UNDEFINED)),
-                interval_text(kept(one) or _UNDEFINED),
-            )
-            for name, one in sorted(
-                models.items(),
-                key=lambda item: (
-                    -np.nan_to_num(item[1].get(FORECAST, _UNDEFINED).value, nan=-np.inf)
-                ),
-            )
-        ]
-        for log, models in _by_log(rows).items()
-    }
-
-
-def _by_log(rows: list[Row]) -> dict[str, dict[str, Found]]:
-    """Return the measures of each model on each log."""
-    logs: dict[str, dict[str, Found]] = {}
-    for row in rows:
-        logs.setdefault(row[0], {}).setdefault(row[4], {})[row[3], row[5]] = Interval(*row[6:])
-    return logs
 
 
 def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]]]]:
@@ -137,10 +137,10 @@ def interval_text(value: Interval) -> str:
 
 
 def markdown(
-    tables: list[tuple[str, list[str], list[list[str]]]], advice: list[str], left_out: list[str]
+    tables: list[tuple[str, list[str], list[list[str]]]], reasons: list[str], left_out: list[str]
 ) -> str:
-    """Return the recommendations and the tables as Markdown."""
-    parts = ["# Trust models on real ratings", *advice]
+    """Return the decisions and the tables as Markdown."""
+    parts = ["# Trust models on real ratings", *reasons]
     for title, headings, lines in tables:
         parts += [f"## {title}", markdown_table(headings, lines, names=1)]
     if left_out:

@@ -16,10 +16,10 @@ from pydantic import FiniteFloat, PositiveInt, TypeAdapter
 
 from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.replay import ACTIVE, Ending, HostileRatings
-from roletrust_env.data.evidence import Rank, wilson_interval
-from roletrust_env.data.explanation import find_agent
-from roletrust_env.data.log import RatingLog
-from roletrust_env.data.log_rounds import numbers_of
+from roletrust_env.logs.evidence import Rank, wilson_interval
+from roletrust_env.logs.explain import find_agent
+from roletrust_env.logs.log import Log
+from roletrust_env.logs.log_rounds import numbers_of
 from roletrust_env.parameters import truth_value
 from roletrust_env.randomness import generator
 from roletrust_env.trust.edges import pair_ends, pair_keys
@@ -206,7 +206,7 @@ class Journal:
 class Ranking:
     """The ranks at the end of a log, without and with an attack.
 
-    Agents with ratings rank as in `roletrust_env.data.evidence`: by the lower end of the interval
+    Agents with ratings rank as in `roletrust_env.logs.evidence`: by the lower end of the interval
     of their trust, or by trust; of equals, those with the higher trust, and with more ratings, come
     first.
 
@@ -225,10 +225,9 @@ class Ranking:
     def __init__(
         self,
         model: Any,
-        log: RatingLog,
+        log: Log,
         every: float | None,
         *,
-        count: int | None = None,
         same_agents: bool,
         top: int = 10,
         rank_by: Rank = "low",
@@ -239,8 +238,7 @@ class Ranking:
         Args:
             model: Trust model.
             log: Log.
-            every: Length of a round; None if rounds are by number.
-            count: Number of ratings of a round; None for all in one.
+            every: Length of a round in seconds; None for a single round.
             same_agents: Whether a rater and a ratee of one name are one agent.
             top: Number of agents in the top.
             rank_by: What agents are ranked by.
@@ -253,7 +251,7 @@ class Ranking:
         """
         self.top, self.every, self._rank_by, self._journal = top, every, rank_by, journal
         self.model, self.log, self.same_agents = model, log, truth_value("same_agents", same_agents)
-        self._count, numbers = count, numbers_of(log, every, count)
+        numbers = numbers_of(log, every)
         facts = *log[:3], numbers, np.array([top, self.same_agents, rank_by == "low"])
         self._digest = sha256(
             b"".join(np.asarray(one).tobytes() for one in facts) + repr(model).encode()
@@ -281,7 +279,7 @@ class Ranking:
     def of(self, model: Any) -> "Ranking":
         """Return the ranking of the same log by another model."""
         settings: Any = {"same_agents": self.same_agents, "top": self.top, "rank_by": self._rank_by}
-        return Ranking(model, self.log, self.every, count=self._count, **settings)
+        return Ranking(model, self.log, self.every, **settings)
 
     def _columns(self, rows: Sequence[Row]) -> list[Floats]:
         """Return what providers rank by, each from low to high: lower end or trust, trust, number

@@ -10,9 +10,9 @@ import numpy as np
 
 from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.resampling import interval, mean, ranks
-from roletrust_env.data.log import RatingLog
-from roletrust_env.data.log_rounds import log_rounds, play_round
-from roletrust_env.data.rounds import spans
+from roletrust_env.logs.log import Log
+from roletrust_env.logs.log_rounds import log_rounds, play_round
+from roletrust_env.logs.rounds import spans
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.randomness import generator
 from roletrust_env.trust.beta_distribution import reputation
@@ -64,10 +64,12 @@ class Shift(NamedTuple):
     Attributes:
         before: Mean percentile in the log as it is, with an interval that resamples targets.
         after: Mean percentile with the attack.
+        targets: Percentile of each target with the attack, shape (targets,).
     """
 
     before: Interval
     after: Interval
+    targets: Floats
 
 
 class HostileRatings(NamedTuple):
@@ -102,7 +104,7 @@ class Ending:
     """
 
     def __init__(
-        self, model: Any, log: RatingLog, numbers: Ints, last: int, *, same_agents: bool, more: int
+        self, model: Any, log: Log, numbers: Ints, last: int, *, same_agents: bool, more: int
     ) -> None:
         """Play the log, and remember the beginning of each of its last rounds.
 
@@ -191,7 +193,7 @@ class Replay(Ending):
         fresh: New accounts.
     """
 
-    def __init__(self, model: Any, log: RatingLog, every: float, *, same_agents: bool) -> None:
+    def __init__(self, model: Any, log: Log, every: float, *, same_agents: bool) -> None:
         """Play the log up to the attack.
 
         Args:
@@ -266,12 +268,12 @@ def replay_attacks(
         if origin == "hijacked":
             teams = [rng.choice(replay.active, count, replace=False) for _ in range(_DRAWS)]
         after = np.mean([replay.percentiles(targets, team, rating) for team in teams], axis=0)
-        shift = Shift(*(interval(mean(x), np.arange(len(x)), seed) for x in (honest[goal], after)))
-        found[Attack(goal, count, origin)] = shift
+        before, moved = (interval(mean(x), np.arange(len(x)), seed) for x in (honest[goal], after))
+        found[Attack(goal, count, origin)] = Shift(before, moved, after)
     return found
 
 
-def _best(log: RatingLog, past: int) -> Ints:
+def _best(log: Log, past: int) -> Ints:
     """Return the providers with the highest Beta reputation from so many ratings, the best
     first.
     """

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_baselines.logs.resampling import ranks
-from roletrust_env.data.log import RatingLog
-from roletrust_env.data.log_rounds import played
+from roletrust_env.logs.log import Log
+from roletrust_env.logs.log_rounds import played
 from roletrust_env.metrics.score import ratio
 from roletrust_env.randomness import generator
 from roletrust_env.trust.edges import pair_ends, pair_keys
@@ -78,7 +78,7 @@ class Search(NamedTuple):
 
 def find_suspects(
     model: Any,
-    log: RatingLog,
+    log: Log,
     numbers: Ints,
     *,
     seed: int = 0,
@@ -133,7 +133,7 @@ def find_suspects(
     return Search(found[:_TOP], shuffles, false_groups)
 
 
-def threshold(logs: list[RatingLog]) -> tuple[float, int]:
+def threshold(logs: list[Log]) -> tuple[float, int]:
     """Return the largest of a few thresholds for `alike` at which shuffled logs have no groups, and
     their groups then.
 
@@ -145,7 +145,7 @@ def threshold(logs: list[RatingLog]) -> tuple[float, int]:
     return joined, sum(len(alike(one, joined)) for one in logs)
 
 
-def shifts(model: Any, log: RatingLog, numbers: Ints, groups: list[Ints]) -> Floats:
+def shifts(model: Any, log: Log, numbers: Ints, groups: list[Ints]) -> Floats:
     """Return `shift` of each group of raters, shape (n,), see `Suspects`."""
     if not groups:
         return np.zeros(0)
@@ -161,7 +161,7 @@ def shifts(model: Any, log: RatingLog, numbers: Ints, groups: list[Ints]) -> Flo
     return np.array(found)
 
 
-def apart(log: RatingLog, raters: Ints) -> float:
+def apart(log: Log, raters: Ints) -> float:
     """Return `apart` of a group of raters, see `Suspects`."""
     theirs, weights = _theirs(log, raters)
     own, others = (
@@ -173,7 +173,7 @@ def apart(log: RatingLog, raters: Ints) -> float:
     return float(np.average(far, weights=weights))
 
 
-def _theirs(log: RatingLog, raters: Ints) -> tuple[npt.NDArray[np.bool_], Ints]:
+def _theirs(log: Log, raters: Ints) -> tuple[npt.NDArray[np.bool_], Ints]:
     """Return whether each rating is one of a group, and the weight of each ratee."""
     theirs = np.isin(log.raters, raters)
     pairs = np.unique(pair_keys(log.raters[theirs], log.ratees[theirs]))
@@ -185,7 +185,7 @@ def _means(ratees: Ints, values: Floats, size: int) -> Floats:
     return ratio(np.bincount(ratees, values, size), np.bincount(ratees, minlength=size))
 
 
-def alike(log: RatingLog, chance: float) -> list[tuple[Ints, Ints]]:
+def alike(log: Log, chance: float) -> list[tuple[Ints, Ints]]:
     """Return groups of at least four raters that rate the same ratees alike far beyond chance, and
     these ratees.
 
@@ -277,7 +277,7 @@ def _joined(raters: Ints, votes: Ints, chance: float) -> Iterator[tuple[int, int
         )
 
 
-def shuffled(log: RatingLog, rng: np.random.Generator) -> RatingLog:
+def shuffled(log: Log, rng: np.random.Generator) -> Log:
     """Return a log in which each rating has another ratee, and every rater and ratee has as many
     ratings as before.
 

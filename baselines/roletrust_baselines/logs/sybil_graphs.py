@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from pydantic import NonNegativeInt
 
-from roletrust_env.data.log import RatingLog
+from roletrust_env.logs.log import Log
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.key_index import Ints
 
@@ -66,15 +66,13 @@ class SybilGraph:
         """Return the number of identities at which bridge edges end."""
         return max(1, min(bridges, 1 + self.sybils)) if self.topology == "layers" else 1
 
-    def identities(self, log: RatingLog, bought: int | None = None) -> Ints:
+    def identities(self, log: Log, bought: int | None = None) -> Ints:
         """Return the places of the target and of the Sybils after `added_to`, shape (1 + n,)."""
         size = len(log.rater_names)
         sybils = size + (bought is None) + np.arange(self.sybils)
         return np.concatenate([[size if bought is None else bought], sybils])
 
-    def added_to(
-        self, log: RatingLog, helpers: Sequence[int] = (), bought: int | None = None
-    ) -> RatingLog:
+    def added_to(self, log: Log, helpers: Sequence[int] = (), bought: int | None = None) -> Log:
         """Return a log with the identities and their ratings at its end, at the time of its last
         rating.
 

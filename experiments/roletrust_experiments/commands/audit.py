@@ -66,10 +66,6 @@ def audit(
         ),
     ] = None,
     alone: Annotated[bool, typer.Option("--alone", help="Compare with no other model.")] = False,
-    count: Annotated[
-        int | None,
-        typer.Option(min=1, help="Number of ratings of a round, for a log without times."),
-    ] = None,
     rank_by: Annotated[
         Literal["low", "trust"],
         typer.Option(help="Rank by the lower end of the interval of trust, or by trust."),
@@ -132,10 +128,6 @@ def audit(
     [cyan]roletrust audit log.csv --scorer exec:./my-score --price-account 2 --price-rating 5
     --fail-below 100[/]
     """
-    if count is not None and (reading.every is not None or price_day):
-        raise ValueError(
-            "--count is not for --every and --price-day: it makes rounds by number, not by time"
-        )
     if not all(
         abs(price) <= _DEAR
         for price in (price_account, price_hijacked, price_rating, price_day, fail_below or 0)
@@ -149,7 +141,7 @@ def audit(
     )
     others = {name: make_log_model(name) for name in other or ()}
     prepare_folder(out)
-    every = None if count else MONTH if reading.every is None else reading.every
+    every = MONTH if reading.every is None else reading.every
     journal = Journal(out / "audit.journal") if isinstance(chosen, OutsideModel) else None
     if journal and journal.known:
         tell(
@@ -158,15 +150,9 @@ def audit(
         )
     with progress_bar(counted=False) as progress:
         stage(progress, f"Reading {ratings.name}")
-        try:
-            log = replace(reading, every=every).read(ratings)
-        except ValueError as error:
-            without = "no column 'time'" in str(error)
-            raise ValueError(
-                f"{error}; without times, --count makes rounds by number" if without else error
-            ) from None
-        settings: Any = {"same_agents": bool(reading.same_agents), "top": top, "rank_by": rank_by}
-        ranking = Ranking(chosen, log, every, count=count, journal=journal, **settings)
+        log = replace(reading, every=every).log(ratings)
+        settings: Any = {"same_agents": reading.same_agents, "top": top, "rank_by": rank_by}
+        ranking = Ranking(chosen, log, every, journal=journal, **settings)
         if journal and not journal.known:
             begun = perf_counter()
             ranking.play(ranking.targets(targets, seed, target or ())[0], Plan(), prices)

@@ -1,22 +1,24 @@
 """Options by which commands read a log of ratings."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from roletrust_env.data.columns import Columns
-from roletrust_env.data.dialect import Dialect
-from roletrust_env.data.log import RatingLog, read_ratings
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_settings
+from roletrust_env.logs.columns import COLUMNS
+from roletrust_env.logs.log import Log
+from roletrust_env.logs.log import read as read_log
+from roletrust_env.logs.sources import Reading
 from roletrust_experiments.commands.console import tell
 
 MONTH = 2_592_000.0
 """Length of a round, 30 days in seconds."""
 
+_KEYS = tuple(field.name for field in fields(Reading))
 
 _option = partial(typer.Option, rich_help_panel="Reading")
 
@@ -25,102 +27,92 @@ _option = partial(typer.Option, rich_help_panel="Reading")
 class LogOptions:
     """Options by which a log is read; the help of each says what it is."""
 
-    rater: Annotated[str, _option(help="Column of the rater: a name, or a number from 1.")] = (
-        "rater"
-    )
-    ratee: Annotated[str, _option(help="Column of the rated agent.")] = "ratee"
-    rating: Annotated[str, _option(help="Column of the rating.")] = "rating"
-    time: Annotated[
-        str | None,
+    columns: Annotated[
+        str,
         _option(
-            help="Column of the time, numbers or dates; with --every it is looked for.",
-            show_default=False,
+            metavar="COLUMN=NAME,...",
+            help=f"Names of columns: {', '.join(f'{name}=...' for name in COLUMNS)}. Usual names "
+            "are found.",
+        ),
+    ] = ""
+    read: Annotated[
+        list[str] | None,
+        _option(
+            metavar="KEY=VALUE",
+            help=f"How the file is read; repeat for more: {', '.join(_KEYS)}.",
         ),
     ] = None
     scale: Annotated[
-        tuple[float, float] | None,
-        _option(
-            help="Worst and best rating: 0 and 1, with --compare -10 and 10.", metavar="WORST BEST"
-        ),
-    ] = None
+        tuple[float, float], _option(help="Worst and best rating.", metavar="WORST BEST")
+    ] = (0.0, 1.0)
     every: Annotated[
         float | None,
-        _option(
-            help=(
-                "Length of a round: seconds, or the unit of the time; 30 days in `audit` and with "
-                "--compare."
-            )
-        ),
+        _option(help="Length of a round in seconds; 30 days in `audit` and `compare`."),
     ] = None
     same_agents: Annotated[
-        bool | None,
-        _option(
-            "--same-agents/--two-roles",
-            help="Whether rater and ratee of one name are one; with --compare, yes.",
-        ),
-    ] = None
-    labels: Annotated[
-        str | None, _option(help="Numbers of ratings that are texts, such as yes=1,no=0.")
-    ] = None
-    missing: Annotated[
-        bool, _option("--missing", help="Leave out rows in which a value is missing.")
+        bool, _option("--same-agents", help="A rater and a ratee of one name are one agent.")
     ] = False
-    repeats: Annotated[
-        bool, _option("--repeats", help="Allow rows that repeat an earlier one.")
-    ] = False
-    tag: Annotated[
-        str | None, _option(help="Tag of the feedback events of ERC-8004 that count.")
-    ] = None
-    separator: Annotated[
-        str | None, _option(help="Separator, also comma, tab, semicolon, bar, blanks.")
-    ] = None
-    encoding: Annotated[str | None, _option(help="Encoding, such as utf-8, utf-16 or latin-1.")] = (
-        None
-    )
-    header: Annotated[
-        bool | None, _option(help="Whether the first row has the names of the columns.")
-    ] = None
-    time_format: Annotated[
-        str | None, _option(help="Form of dates, such as %d.%m.%Y, if it is not found.")
-    ] = None
-    time_unit: Annotated[
-        str | None, _option(help="Unit of times that are numbers.", metavar="s|ms|us|ns")
-    ] = None
 
-    @property
-    def ends(self) -> tuple[float, float]:
-        """The worst and the best rating."""
-        return self.scale or (0.0, 1.0)
+    def reading(self) -> Reading:
+        """Return what is known about the file.
 
-    def read(self, path: Path, advance: Callable[[int], None] = lambda rows: None) -> RatingLog:
+        Raises:
+            ValueError: A key is unknown, or a value is not allowed.
+        """
+        given = parse_settings(self.read or (), "--read")
+        for key in given:
+            if key not in _KEYS:
+                raise ValueError(f"--read has no key {key!r}{suggest(key, _KEYS)}")
+        if isinstance(missing := given.get("missing"), str):
+            given["missing"] = (missing,)
+        return Reading(**{key: _plain(value) for key, value in given.items()})
+
+    def log(self, path: Path, *, repeats: bool = False) -> Log:
         """Read a log, and print how it was read.
 
         Args:
             path: Path of the file.
-            advance: Function that is called with the number of rows read so far.
+            repeats: Whether rows may be the same, whatever `--read` says.
 
         Raises:
-            ValueError: See `read_ratings`.
+            ValueError: See `roletrust_env.logs.read`.
             OSError: The file cannot be read.
         """
-        return read_ratings(
+        reading = self.reading()
+        log = read_log(
             path,
-            Columns(
-                self.rater,
-                self.ratee,
-                self.rating,
-                self.time or (None if self.every is None else "time"),
-            ),
-            scale=self.ends,
-            same_agents=bool(self.same_agents),
-            repeats=self.repeats,
-            missing=self.missing,
-            tag=self.tag,
-            labels=parse_settings(self.labels.split(",") if self.labels else (), "--labels"),
-            dialect=Dialect(
-                self.separator, self.encoding, self.header, self.time_unit, self.time_format
-            ),
-            every=self.every,
-            advance=advance,
-            tell=tell,
+            **named_columns(self.columns),
+            scale=self.scale,
+            same_agents=self.same_agents,
+            reading=replace(reading, repeats=reading.repeats or repeats),
         )
+        for note in log.notes:
+            tell(note)
+        return log
+
+    def source(self) -> dict[str, Any]:
+        """Return how the file is read as plain data, which a saved state keeps."""
+        kept = asdict(replace(self.reading(), repeats=False))
+        return {"scale": list(self.scale), "read": {**kept, "missing": list(kept["missing"])}}
+
+
+def named_columns(text: str) -> dict[str, Any]:
+    """Return the names of columns from `--columns`.
+
+    Raises:
+        ValueError: A part is not of the form `column=name`, or there is no such column.
+    """
+    names = dict[str, Any]()
+    for part in text.split(",") if text else ():
+        column, equals, name = part.partition("=")
+        if not equals or column.strip() not in COLUMNS or column.strip() in names:
+            raise ValueError(
+                f"--columns has {part!r}; it must have parts such as rater=NAME, each once, of "
+                f"{', '.join(COLUMNS)}"
+            )
+        names[column.strip()] = name
+    return names
+
+
+def _plain(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value

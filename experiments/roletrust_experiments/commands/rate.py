@@ -1,4 +1,4 @@
-"""`roletrust rate`: whom to trust, from a log of ratings, and which trust model suits logs."""
+"""`roletrust rate`: which agents to trust, from a log of ratings."""
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
@@ -16,13 +16,12 @@ from rich.progress import Progress
 
 from roletrust_baselines.logs.models import make_log_model
 from roletrust_baselines.logs.suspects import find_suspects
-from roletrust_env.data.evidence import Evidence, Role, evidence, joined, window
-from roletrust_env.data.explanation import explain as explained
-from roletrust_env.data.explanation import find_agent
-from roletrust_env.data.log import RatingLog
-from roletrust_env.data.log_rounds import numbers_of, played
-from roletrust_env.data.rounds import check_lateness, check_rounds
-from roletrust_env.data.stream import TrustStream
+from roletrust_env.logs.evidence import Evidence, Role, evidence, joined, window
+from roletrust_env.logs.explain import explain as explained
+from roletrust_env.logs.explain import find_agent
+from roletrust_env.logs.log import Log
+from roletrust_env.logs.log_rounds import numbers_of, played
+from roletrust_env.logs.stream import TrustStream
 from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_env.storage.tables import write_table
 from roletrust_experiments.commands.console import console, progress_bar, stage, tell
@@ -41,10 +40,9 @@ _REASON = (
     "the nearest to the next ratings of the real log of docs/real.md; the paper's is --model "
     "role-trust"
 )
-_BY_TIME, _WHOLE = "rounds go by time there", "a whole log, without --state and --lead"
-_evidence, _state, _comparison = (
-    partial(typer.Option, rich_help_panel=panel)
-    for panel in ("Evidence", "State", "Comparison of models")
+_WHOLE = "a whole log, without --state and --lead"
+_evidence, _state = (
+    partial(typer.Option, rich_help_panel=panel) for panel in ("Evidence", "State")
 )
 
 
@@ -52,25 +50,16 @@ _evidence, _state, _comparison = (
 def rate(
     ratings: Annotated[
         Path,
-        typer.Argument(help="File of ratings, see above; with --compare, also a folder of logs."),
+        typer.Argument(help="File of ratings, see above."),
     ],
     reading: LogOptions,
-    model: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help=f"Trust model, {_MODEL} if left out; with --compare, repeat for more. {OWN}",
-        ),
-    ] = None,
+    model: Annotated[str, typer.Option(metavar=NAMED, help=f"Trust model. {OWN}")] = _MODEL,
     trusted: Annotated[
         list[str] | None,
         typer.Option(
             metavar="AGENT",
             help="Rater that is trusted beforehand, by models with seeds; repeat for more.",
         ),
-    ] = None,
-    count: Annotated[
-        int | None, typer.Option(min=1, help="Number of ratings of a round, in place of --every.")
     ] = None,
     rank_by: Annotated[
         Literal["low", "trust"],
@@ -88,33 +77,20 @@ def rate(
     state: Annotated[
         Path | None, _state(help="File of earlier ratings, which takes new; with --every.")
     ] = None,
-    late: Annotated[
-        Literal["drop", "count"],
-        _state(
-            help="Leave out ratings of rounds that have ended, or count them in the running one."
-        ),
-    ] = "drop",
     lead: Annotated[
         float | None, _state(help="Longest time without a rating; later ones are left out.")
     ] = None,
-    compare: Annotated[
-        bool, _comparison("--compare", help="Measure trust models on logs, see above.")
-    ] = False,
-    synthetic: Annotated[
-        bool, _comparison("--synthetic", help="First write synthetic logs.")
-    ] = False,
     seed: Seed = 0,
     out: Out = Path("results/rate"),
 ) -> None:
     """Compute [bold]the trust of raters and ratees from a log of ratings[/], a file that you bring.
 
-    It is CSV in any dialect, JSON lines (.jsonl) or Parquet, also in gzip (.gz). Separator,
-    encoding, header, columns with common names and the unit of times are found, and a line says
-    which; an option overrides each.
+    It is CSV, JSON, Parquet (also a folder), Feather, SQLite or xlsx; a text may be packed (.gz,
+    .xz, .zip). Columns with usual names are found; otherwise --columns names them. --read says more
+    about the file, such as header=false, decimal=, or time_unit=ms.
 
-    Ratings count round by round: by time (--every), by number (--count), or all in one round.
-    Several ratings of one agent by another in a round count as one, their mean. Rows may be in any
-    order of time.
+    Ratings count round by round, by time (--every), or all in one round. Several ratings of one
+    agent by another in a round count as one, their mean. Rows may be in any order of time.
 
     Written: [green]ratees.csv raters.csv[/], with trust and evidence: a 95% interval, the number of
     ratings, of other agents in them, and of effectively independent ones, the last rating, the
@@ -129,16 +105,9 @@ def rate(
 
     With --state, rounds go on where an earlier run with this file has ended, and all agents so far
     are written, with the evidence of all ratings so far. Ratings of the running round are taken
-    once, however often they come, unless --repeats is given. Those of rounds that have ended are
-    late, also if they came before: by default they are left out, so a log may be the whole one or
-    its new part; with --late count it must be its new part.
-
-    With --compare, trust models are measured on a file, or on the logs in a folder and in the
-    folders in it, files *network.csv or ratings.csv: forecasts, and a few hostile accounts in a
-    replay; one model is recommended. Rounds are of 30 days (--every). By default all central models
-    are measured, and those of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness,
-    bias-deserve, rev2, geometric-median and centred-clipping. What does not fit is left out, and a
-    line says so. Written then: [green]comparison.csv comparison.md[/].
+    once, however often they come, unless --read repeats=true is given. Those of rounds that have
+    ended are late, also if they came before. They are left out, so a log may be the whole one or
+    its new part.
 
     [bold]Examples[/]
 
@@ -147,10 +116,6 @@ def rate(
 
     [dim]# members rate members, with rounds of 30 days[/]
     [cyan]roletrust rate log.csv.gz --same-agents --scale -10 10 --every 2592000[/]
-
-    [dim]# two models on a synthetic log, with rounds of a week[/]
-    [cyan]roletrust rate results/log --compare --synthetic --model role-trust --model beta
-    --every 604800[/]
     """
     every, state_or_lead, single = (
         reading.every,
@@ -165,21 +130,7 @@ def rate(
             f"--out {out} would replace the log or the state",
         ),
         (single and out.is_dir(), f"--out {out} is a folder; a table needs another name"),
-        (
-            compare and (state_or_lead or count),
-            f"--count, --state and --lead are not for --compare: {_BY_TIME}",
-        ),
-        (
-            compare and (explain is not None or suspects or rank_by == "trust" or late == "count"),
-            "--explain, --suspects, --rank-by and --late are not for --compare: it ranks no agents",
-        ),
-        (compare and single, "--compare writes several tables; --out is a folder for them"),
-        (not compare and synthetic, "--synthetic needs --compare"),
-        (not compare and len(model or ()) > 1, "several models need --compare"),
-        (
-            trusted and (compare or state),
-            "--trusted is of one model on a whole log, without --compare and --state",
-        ),
+        (trusted and state, "--trusted needs a whole log, without --state"),
         (
             state and every is None,
             "--state needs --every: the time of a rating says whether it is new",
@@ -191,30 +142,17 @@ def rate(
     ):
         if wrong:
             raise ValueError(words)
-    if compare:
-        from roletrust_experiments.commands import comparison
-
-        comparison.compare(ratings, reading, model, synthetic=synthetic, seed=seed, out=out)
-        return
-    name = model[0] if model else _MODEL
-    chosen: Any = make_log_model(name)
+    chosen: Any = make_log_model(model)
     if trusted and not hasattr(chosen, "seeds"):
         raise ValueError(
-            f"{name} has no seeds, as --trusted needs; merit-rank and personalized-pagerank have"
+            f"{model} has no seeds, as --trusted needs; merit-rank and personalized-pagerank have"
         )
-    check_rounds(every, count)
-    check_lateness(late, lead, every)
     folder = out.parent if single else out
     prepare_folder(folder)
-    rounds: Any = {
-        "every": every,
-        "count": count,
-        "same_agents": bool(reading.same_agents),
-        "late": late,
-        "lead": lead,
-    }
+    rounds: Any = {"every": every, "same_agents": reading.same_agents, "lead": lead}
     with progress_bar() as progress:
-        log = reading.read(ratings, stage(progress, f"Reading {ratings.name}"))
+        stage(progress, f"Reading {ratings.name}")
+        log = reading.log(ratings)
         if trusted:
             chosen = replace(
                 chosen,
@@ -232,11 +170,11 @@ def rate(
                 for read_trust in (run.provider_trust, run.rater_trust)
             ]
         else:
-            run = played(chosen, log, numbers_of(log, every, count), pairs=pairs, advance=advance)
+            run = played(chosen, log, numbers_of(log, every), pairs=pairs, advance=advance)
             trusts = [run.provider_trust, run.rater_trust]
         origin = {
             **window(run.window if state else log.times),
-            "model": name,
+            "model": model,
             "version": version("roletrust-env"),
         }
 
@@ -253,7 +191,7 @@ def rate(
         for role, role_evidence in evidence_of.items():
             unknown = role == "rater" and not chosen.rates_raters
             console.print(
-                f"{escape(name)} has no notion of trust in raters."
+                f"{escape(model)} has no notion of trust in raters."
                 if unknown
                 else ranking_table(role_evidence, role, rank_by, top)
             )
@@ -261,14 +199,12 @@ def rate(
             if role == "ratee" or chosen.rates_raters:
                 advance = stage(progress, f"Explaining trust in the {role} {explain}")
                 reasons = explained(
-                    chosen, log, numbers_of(log, every, count), role, agent, advance=advance
+                    chosen, log, numbers_of(log, every), role, agent, advance=advance
                 )
-                console.print(explanation_table(reasons, log, reading.ends))
+                console.print(explanation_table(reasons, log, reading.scale))
         if suspects:
             advance = stage(progress, "Looking for suspects")
-            groups = find_suspects(
-                chosen, log, numbers_of(log, every, count), seed=seed, advance=advance
-            )
+            groups = find_suspects(chosen, log, numbers_of(log, every), seed=seed, advance=advance)
             console.print(suspects_table(groups, log))
             rows = [
                 (n, log.rater_names[at], *group[2:])
@@ -279,7 +215,7 @@ def rate(
             write_csv(
                 folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows
             )
-    tell(f"Model {name}{f', {_REASON}' if model is None else ''}.")
+    tell(f"Model {model}{f', {_REASON}' if model == _MODEL else ''}.")
     tell(
         f"{len(log.values):,} ratings in {run.rounds:,} round{'s' * (run.rounds != 1)}. Written to "
         f"{written}"
@@ -292,7 +228,7 @@ def rate(
 
 
 def _stream(
-    model: Any, log: RatingLog, state: Path | None, reading: LogOptions, rounds: dict[str, Any]
+    model: Any, log: Log, state: Path | None, reading: LogOptions, rounds: dict[str, Any]
 ) -> TrustStream:
     """Return a stream that has played a log, after the earlier ratings of a state, and print which
     were left out.
@@ -306,19 +242,22 @@ def _stream(
     else:
         names = (np.array(list(names), object) for names in (log.rater_names, log.ratee_names))
         people = next(names)[log.raters], next(names)[log.ratees]
-        source = {"rating scale": list(reading.ends), "tag": reading.tag, "times": log.clock}
-        stream_settings: Any = {"repeats": reading.repeats, "keep_evidence": True, "source": source}
+        stream_settings: Any = {
+            "repeats": reading.reading().repeats,
+            "keep_evidence": True,
+            "source": reading.source(),
+        }
         opened = TrustStream.opened(state, model, **stream_settings, **rounds)
     with opened as stream:
         before = _apart(stream)
-        stream.update(people[0], people[1], log.values, log.times, log.rests)
+        times = None if log.times is None else log.times.view("datetime64[ns]")
+        stream.update(people[0], people[1], log.values, times)
     stream.finish()
     if any(apart := [after - had for after, had in zip(_apart(stream), before, strict=True)]):
         words = (
-            "{:,} ratings of rounds that had ended (--late {}), {:,} ahead by more than the "
-            "lead, {:,} repeated"
+            "{:,} ratings of rounds that had ended, {:,} ahead by more than the lead, {:,} repeated"
         )
-        tell(words.format(apart[0], rounds["late"], *apart[1:]))
+        tell(words.format(*apart))
     return stream
 
 

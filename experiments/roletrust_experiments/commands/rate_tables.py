@@ -5,9 +5,9 @@ suspects.
 from rich.table import Table
 
 from roletrust_baselines.logs.suspects import Search
-from roletrust_env.data.evidence import Evidence, as_dates
-from roletrust_env.data.explanation import Explanation
-from roletrust_env.data.log import RatingLog
+from roletrust_env.logs.evidence import Evidence, as_dates
+from roletrust_env.logs.explain import Explanation
+from roletrust_env.logs.log import Log
 from roletrust_experiments.commands.console import number_table, shown
 
 _SHOWN = 4  # ratings of a rater, and members of a group
@@ -35,9 +35,7 @@ def ranking_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
     return table
 
 
-def explanation_table(
-    explanation: Explanation, log: RatingLog, scale: tuple[float, float]
-) -> Table:
+def explanation_table(explanation: Explanation, log: Log, scale: tuple[float, float]) -> Table:
     """Return what makes the trust in an agent, with ratings on their scale."""
     rated, (worst, best) = explanation.role == "ratee", scale
     names, other = (log.rater_names, "rater") if rated else (log.ratee_names, "ratee")
@@ -63,7 +61,7 @@ def explanation_table(
     return table
 
 
-def suspects_table(search: Search, log: RatingLog) -> Table:
+def suspects_table(search: Search, log: Log) -> Table:
     """Return the groups of raters that rate alike, and what they do to ranks."""
     caption = (
         f"In {search.shuffles} shuffled logs: {search.false_groups} groups. "

@@ -254,10 +254,12 @@ def train(
                 if runs == 1
                 else "the same command and --resume"
             )
-            tell(
-                f"Stopped. The training so far is kept; continue with: roletrust train {again}",
-                where=errors,
-            )
+            words = "Stopped before the first score; nothing is kept."
+            if folder.last() is not None:
+                words = (
+                    f"Stopped. The training so far is kept; continue with: roletrust train {again}"
+                )
+            tell(words, where=errors)
             raise typer.Exit(130)
 
 

@@ -13,54 +13,53 @@ from roletrust_baselines.logs.audit import audit_model
 from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.folders import write_log
 from roletrust_baselines.logs.ranking import LAST, Journal, Plan, Prices, Ranking, Row
-from roletrust_env.data.columns import Columns
-from roletrust_env.data.evidence import Rank, evidence
-from roletrust_env.data.log import RatingLog, read_ratings
-from roletrust_env.data.stream import TrustStream
+from roletrust_env.logs.evidence import Rank, evidence
+from roletrust_env.logs.log import Log, read
+from roletrust_env.logs.stream import TrustStream
 from roletrust_env.trust import make_trust_model
 
 MONTH = 2_592_000.0
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> RatingLog:
+def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
     path: Path = tmp_path_factory.mktemp("log") / "ratings.csv.gz"
     write_log(path, members=40, months=9)
-    return read_ratings(path, Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True)
+    return read(path, scale=(-10, 10), same_agents=True)
 
 
-def ranking_of(
-    log: RatingLog, model: str = "mean", rank_by: Rank = "low", top: int = 10
-) -> Ranking:
+def ranking_of(log: Log, model: str = "mean", rank_by: Rank = "low", top: int = 10) -> Ranking:
     return Ranking(make_trust_model(model), log, MONTH, same_agents=True, rank_by=rank_by, top=top)
 
 
-def streamed(log: RatingLog, model: str) -> npt.NDArray[np.float64]:
+def streamed(log: Log, model: str) -> npt.NDArray[np.float64]:
     """The trust in the ratees, from a stream of the log."""
     agents = np.arange(log.shape[0]), np.arange(log.shape[1])
     stream = TrustStream(make_trust_model(model), agents=agents, every=MONTH, same_agents=True)
-    stream.update(log.raters, log.ratees, log.values, log.times)
+    assert log.times is not None
+    stream.update(log.raters, log.ratees, log.values, log.times.view("datetime64[ns]"))
     stream.finish()
     return np.array(list(stream.provider_trust().values()))
 
 
-def rated(log: RatingLog, model: str, rank_by: Rank = "low") -> list[str]:
+def rated(log: Log, model: str, rank_by: Rank = "low") -> list[str]:
     """The names of the ratees by rank, as `rate` has them."""
     return evidence(log, "ratee", streamed(log, model), log.pairs()).ranked(rank_by).names
 
 
 @pytest.mark.parametrize("rank_by", ["low", "trust"])
-def test_ranks_are_those_of_rate(log: RatingLog, rank_by: Rank) -> None:
+def test_ranks_are_those_of_rate(log: Log, rank_by: Rank) -> None:
     order = ranking_of(log, "leave-one-out", rank_by).order
     assert [log.ratee_names[place] for place in order] == rated(log, "leave-one-out", rank_by)
 
 
-def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> None:
+def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: Log) -> None:
     ranking = ranking_of(log)
     target = ranking.targets(1, 0)[3]
     plan = Plan("hijacked", accounts=4, strikes=2, choice=2, mildness=0.1)
     sent = ranking.sent(ranking.rows(target, plan))
-    rounds = np.floor((log.times - log.times[0]) / MONTH)
+    month = int(MONTH) * 10**9
+    rounds = (log.times - log.times[0]) // month
     last = np.unique(rounds)[::-1]
     place = {name: at for at, name in enumerate(log.rater_names)}
     rows = [
@@ -68,7 +67,7 @@ def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> N
             place[one.account],
             place[one.agent],
             one.value,
-            log.times[0] + last[one.round - 1] * MONTH + 1,
+            log.times[0] + last[one.round - 1] * month + 1,
         )
         for one in sent
     ]
@@ -80,7 +79,7 @@ def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> N
         raters=raters[order].astype(int),
         ratees=ratees[order].astype(int),
         values=values[order],
-        times=times[order],
+        times=times[order].astype(int),
     )
     attempt = ranking.play(target, plan, Prices(hijacked=7, rating=0.5))
     assert (
@@ -90,7 +89,7 @@ def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> N
     assert attempt.price == 4 * 7 + 8 * 0.5
 
 
-def test_a_plan_sends_what_it_says(log: RatingLog) -> None:
+def test_a_plan_sends_what_it_says(log: Log) -> None:
     ranking = ranking_of(log)
     lifted = ranking.targets(1, 0)[-2]
     plan = Plan(
@@ -123,7 +122,7 @@ def test_a_plan_sends_what_it_says(log: RatingLog) -> None:
 
 
 def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_not_need(
-    log: RatingLog,
+    log: Log,
 ) -> None:
     found = audit_model(
         ranking_of(log, rank_by="trust", top=2), Prices(day=0.001), targets=2, budget=60
@@ -175,7 +174,7 @@ def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_n
     assert repr(again) == repr(found)
 
 
-def test_targets_may_be_named(log: RatingLog) -> None:
+def test_targets_may_be_named(log: Log) -> None:
     ranking = ranking_of(log)
     best, worst = (log.ratee_names[ranking.order[at]] for at in (0, -1))
     found = ranking.targets(3, 0, [worst, best, best])
@@ -205,6 +204,6 @@ def test_a_damaged_journal_keeps_its_whole_lines(tmp_path: Path) -> None:
         assert Journal(tmp_path / "journal").known == {"b": (3, 0.5)}, wrong
 
 
-def test_more_agents_than_the_top_are_needed(log: RatingLog) -> None:
+def test_more_agents_than_the_top_are_needed(log: Log) -> None:
     with refuses(TooSmallError, "33", "--top", "40"):
         Ranking(make_trust_model("mean"), log, MONTH, same_agents=True, top=40)

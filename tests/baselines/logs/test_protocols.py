@@ -18,24 +18,23 @@ from roletrust_baselines.logs.forecasts import (
 )
 from roletrust_baselines.logs.replay import Attack, Replay, Shift, replay_attacks
 from roletrust_baselines.logs.resampling import auc, correlation, interval, mean, ranks
-from roletrust_env.data.columns import Columns
-from roletrust_env.data.log import RatingLog, read_ratings
+from roletrust_env.logs.log import Log, read
 from roletrust_env.trust import make_trust_model
 
 MONTH = 2_592_000
 
 
-def small_log(edges: list[tuple[int, int, float, float]]) -> RatingLog:
+def small_log(edges: list[tuple[int, int, float, float]]) -> Log:
     raters, ratees, values, times = (np.array(column) for column in zip(*edges, strict=True))
     names = [str(n) for n in range(int(max(raters.max(), ratees.max())) + 1)]
-    return RatingLog(raters, ratees, values.astype(float), times.astype(float), names, names, True)
+    return Log(raters, ratees, values.astype(float), times.astype(int) * 10**9, names, names)
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> RatingLog:
+def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
     path = tmp_path_factory.mktemp("log") / "ratings.csv.gz"
     write_log(path)
-    return read_ratings(path, Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True)
+    return read(path, scale=(-10, 10), same_agents=True)
 
 
 # --- measures
@@ -116,7 +115,7 @@ def test_only_earlier_rounds_count() -> None:
     assert earlier(found, raters, log.ratees, weights).tolist() == [0, 0, 0, 1.5]
 
 
-def test_the_mean_of_the_past_is_that_of_a_loop(log: RatingLog) -> None:
+def test_the_mean_of_the_past_is_that_of_a_loop(log: Log) -> None:
     found = forecasts(make_trust_model("mean"), log, MONTH, same_agents=True)
     numbers = np.concatenate([np.zeros(found.since, int), found.number])
     expected = [
@@ -138,7 +137,7 @@ def test_the_mean_of_the_past_is_that_of_a_loop(log: RatingLog) -> None:
     assert measures["rmse"].value < 20 * values[known].std()
 
 
-def test_a_mean_of_the_past_forecasts_cheats(log: RatingLog) -> None:
+def test_a_mean_of_the_past_forecasts_cheats(log: Log) -> None:
     good = next_rating(forecasts(make_trust_model("mean"), log, MONTH, same_agents=True), log)
     blind = next_rating(forecasts(make_trust_model("constant"), log, MONTH, same_agents=True), log)
     assert good["auc"].low > 0.6 > blind["auc"].value == 0.5
@@ -146,7 +145,7 @@ def test_a_mean_of_the_past_forecasts_cheats(log: RatingLog) -> None:
     assert np.isnan(blind["r"].value)
 
 
-def test_contrary_raters_are_found_by_agreement(log: RatingLog) -> None:
+def test_contrary_raters_are_found_by_agreement(log: Log) -> None:
     before = forecasts(make_trust_model("deviation-weighted"), log, MONTH, same_agents=True)
     found = rater_forward(before, log)
     assert list(found) == ["ratings", "kindness", "trust", "ToA"]
@@ -165,7 +164,7 @@ def test_contrary_raters_are_found_by_agreement(log: RatingLog) -> None:
 
 
 @pytest.mark.parametrize("same_agents", [True, False])
-def test_hostile_accounts_move_their_targets(log: RatingLog, same_agents: bool) -> None:
+def test_hostile_accounts_move_their_targets(log: Log, same_agents: bool) -> None:
     attacks = [Attack("sink", 3, "new"), Attack("sink", 10, "hijacked"), Attack("lift", 3, "new")]
 
     def play(name: str) -> dict[Attack, Shift]:
@@ -180,7 +179,7 @@ def test_hostile_accounts_move_their_targets(log: RatingLog, same_agents: bool) 
     assert all(found.before == found.after for found in still.values())
 
 
-def test_a_log_without_enough_rounds_or_agents_is_refused(log: RatingLog) -> None:
+def test_a_log_without_enough_rounds_or_agents_is_refused(log: Log) -> None:
     model = make_trust_model("mean")
     with refuses(ValueError, "4", "6"):
         Replay(model, log, 6 * MONTH, same_agents=True)

@@ -7,11 +7,11 @@ import pytest
 from refusals import refuses
 
 from roletrust_baselines.logs.suspects import alike, find_suspects, shuffled
-from roletrust_env.data.evidence import Role
-from roletrust_env.data.explanation import explain, find_agent
-from roletrust_env.data.log import RatingLog, read_ratings
-from roletrust_env.data.log_rounds import numbers_of, played
-from roletrust_env.data.stream import TrustStream
+from roletrust_env.logs.evidence import Role
+from roletrust_env.logs.explain import explain, find_agent
+from roletrust_env.logs.log import Log, read
+from roletrust_env.logs.log_rounds import numbers_of, played
+from roletrust_env.logs.stream import TrustStream
 from roletrust_env.trust import make_trust_model
 
 MODEL = make_trust_model("leave-one-out")
@@ -19,7 +19,7 @@ SIZE, RING, SHOPS = 3000, 6, range(3, 15, 2)
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> RatingLog:
+def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
     """Ratings from 1 to 5 of 300 shops by 200 people, and best ones of six bad shops by a ring."""
     random = np.random.default_rng(0)
     people, shops = random.integers(0, 200, SIZE), random.integers(0, 300, SIZE)
@@ -29,11 +29,11 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> RatingLog:
         rows[2000 + n * 50 : 2000 + n * 50] = [f"ring{n},s{shop},5" for shop in SHOPS]
     path: Path = tmp_path_factory.mktemp("log") / "log.csv"
     path.write_text("rater,ratee,rating\n" + "\n".join(rows))
-    return read_ratings(path, scale=(1, 5))
+    return read(path, scale=(1, 5))
 
 
-def test_a_ring_is_found_and_moves_ranks(log: RatingLog) -> None:
-    mean, numbers = make_trust_model("mean"), numbers_of(log, None, None)
+def test_a_ring_is_found_and_moves_ranks(log: Log) -> None:
+    mean, numbers = make_trust_model("mean"), numbers_of(log, None)
     found = find_suspects(mean, log, numbers, shuffles=3)
     assert (len(found.groups), found.shuffles, found.false_groups) == (1, 3, 0)
     group = found.groups[0]
@@ -48,7 +48,7 @@ def test_a_ring_is_found_and_moves_ranks(log: RatingLog) -> None:
     assert alike(rest, 0.5) == []
 
 
-def test_a_shuffled_log_has_the_numbers_of_ratings_and_no_pair_more_often(log: RatingLog) -> None:
+def test_a_shuffled_log_has_the_numbers_of_ratings_and_no_pair_more_often(log: Log) -> None:
     other = shuffled(log, np.random.default_rng(0))
     assert np.array_equal(np.bincount(other.ratees), np.bincount(log.ratees))
     assert (other.ratees != log.ratees).mean() > 0.9
@@ -56,9 +56,9 @@ def test_a_shuffled_log_has_the_numbers_of_ratings_and_no_pair_more_often(log: R
     assert pairs.shape[1] == len(log.values)
 
 
-def test_an_explanation_is_what_the_log_without_the_ratings_says(log: RatingLog) -> None:
+def test_an_explanation_is_what_the_log_without_the_ratings_says(log: Log) -> None:
     """As a stream has it in which these ratings never came."""
-    numbers = numbers_of(log, None, 1000)
+    numbers = np.arange(len(log.values)) // 1000
     roles: tuple[Role, Role] = ("ratee", "rater")
     for role, name in zip(roles, ("s3", "ring2"), strict=True):
         agent = find_agent(log, f" {name} ")[role]
@@ -109,7 +109,7 @@ def test_an_explanation_is_what_the_log_without_the_ratings_says(log: RatingLog)
 
 
 def test_an_agent_has_the_roles_in_which_it_has_ratings_and_near_names_are_said(
-    log: RatingLog,
+    log: Log,
 ) -> None:
     both = log._replace(rater_names=["s33", *list(log.rater_names)[1:]])
     assert find_agent(both, "s33") == {"ratee": list(log.ratee_names).index("s33"), "rater": 0}
@@ -117,11 +117,11 @@ def test_an_agent_has_the_roles_in_which_it_has_ratings_and_near_names_are_said(
         find_agent(log, "S33x")
 
 
-def test_a_whole_log_is_played_as_a_stream_does(log: RatingLog) -> None:
+def test_a_whole_log_is_played_as_a_stream_does(log: Log) -> None:
     stream = TrustStream(
-        MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), count=700
+        MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), every=700
     )
-    stream.update(log.raters, log.ratees, log.values)
+    stream.update(log.raters, log.ratees, log.values, np.arange(len(log.values)))
     stream.finish()
-    run = played(MODEL, log, numbers_of(log, None, 700))
+    run = played(MODEL, log, np.arange(len(log.values)) // 700)
     assert run.rater_trust.tolist() == list(stream.rater_trust().values())

@@ -6,14 +6,12 @@ import numpy as np
 from refusals import refuses
 
 from roletrust_baselines.logs.sybil_graphs import SybilGraph, Topology
-from roletrust_env.data.log import RatingLog
+from roletrust_env.logs.log import Log
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.edge_run import EdgeRun
 
 NAMES = ["a", "b", "c"]
-LOG = RatingLog(
-    np.r_[0, 1], np.r_[1, 2], np.r_[0.9, 0.3], np.r_[5.0, 9.0], NAMES, NAMES, was_sorted=True
-)
+LOG = Log(np.r_[0, 1], np.r_[1, 2], np.r_[0.9, 0.3], np.r_[5, 9], NAMES, NAMES)
 
 
 def added(graph: SybilGraph, helpers: list[int], bought: int | None = None) -> set[tuple[str, str]]:
@@ -75,7 +73,7 @@ def test_layers_go_around_the_bridge_that_merit_rank_decays() -> None:
     a single one."""
     ring = np.array([(i, j) for i in range(6) for j in range(6) if i != j])
     names = [str(k) for k in range(6)]
-    log = RatingLog(*ring.T, np.ones(len(ring)), None, names, names, was_sorted=True)
+    log = Log(*ring.T, np.ones(len(ring)), None, names, names)
     kept = {}
     for topology in get_args(Topology):
         attacked = SybilGraph(topology, 4).added_to(log, [4, 5])

@@ -24,7 +24,7 @@ def test_an_audit_says_the_same_on_screen_in_json_and_on_its_page(log: Path, tmp
     jsonschema = pytest.importorskip("jsonschema")
     prices = ["--price-account", "7", "--price-rating", "0.5", "--fail-below", "1000"]
     models = ["--model", "mean", "--other", "beta"]
-    columns = ["--rater", "1", "--ratee", "2", "--rating", "3", "--time", "4"]
+    columns = ["--columns", "rater=rater,ratee=ratee,rating=rating,time=time"]
     made = run("audit", log, *SMALL, *prices, *columns, *models, "--out", tmp_path)
     assert made.exit_code == 1
     result = made.output
@@ -60,29 +60,6 @@ def test_prices_may_be_nothing_and_are_no_higher_than_numbers_are_exact(log: Pat
         (["--other", "mean"], "--alone"),
     ):
         assert words in run("audit", str(log), *SMALL, "--alone", *options).output
-
-
-def test_a_log_without_times_is_audited_in_rounds_by_number(tmp_path: Path):
-    rows = [f"r{n % 7},a{n * n % 5},{(n * n % 5) / 8 + 0.2}" for n in range(40)]
-    (tmp_path / "log.csv").write_text("\n".join(["rater,ratee,rating", *rows]))
-    arguments = [
-        "audit",
-        str(tmp_path / "log.csv"),
-        "--top",
-        "1",
-        "--targets",
-        "1",
-        "--budget",
-        "6",
-        "--out",
-        str(tmp_path),
-    ]
-    printed(*arguments, "--count", "40")
-    found = json.loads((tmp_path / "audit.json").read_text())
-    assert (found["every"], found["compared"]) == (None, {})
-    assert {one["cheapest"]["days"] for one in found["audit"]["exposures"]} == {None}
-    result = run(*arguments, "--count", "40", "--price-day", "1")
-    assert "--count is not for --every and --price-day" in result.output
 
 
 SCORER = """

@@ -1,22 +1,16 @@
-"""`roletrust rate`: its tables, its files, and what it refuses; with `--compare`, on logs of either
-kind."""
+"""`roletrust rate`: its tables, its files, and what it refuses."""
 
-import gzip
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from command_line import printed, run
 from csv_files import csv_rows
-from log_cases import BAD, GOOD
 from refusals import assert_names
 
-from roletrust_baselines.logs.folders import KNOWN, write_log
-from roletrust_env.data import TrustStream
+from roletrust_env.logs import TrustStream
 from roletrust_env.trust import make_trust_model
-from roletrust_env.trust.models.central.beta_reputation import Beta
 
 SHARED = Path(__file__).parents[3].parent / "shared" / "data"
 REAL = SHARED / "bitcoin-otc" / "otc_network.csv.gz"
@@ -34,19 +28,10 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
-COLUMNS = [
-    "--rater",
-    "who",
-    "--ratee",
-    "shop",
-    "--rating",
-    "stars",
-    "--time",
-    "day",
-    "--scale",
-    "1",
-    "5",
-]
+NAMED = "rater=who,ratee=shop,rating=stars,time=day"
+COLUMNS = ["--columns", NAMED, "--scale", "1", "5"]
+OTC = ["--columns", "rater=1,ratee=2,rating=3,time=4", "--read", "header=false"]
+GOOD = "rater,ratee,rating,time\na,x,1,10\nb,x,5,20\na,y,3,30\n"
 
 
 @pytest.mark.parametrize(
@@ -113,7 +98,15 @@ def test_an_agent_is_explained_and_a_ring_is_suspected(log: Path, tmp_path: Path
     lines = [f"{one},s{other},{1 + (7 * one + other) % 5},300" for one, other in pairs]
     ring = [f"ring{n},s{shop},5,301" for n in range(5) for shop in range(20, 25)]
     log.write_text("\n".join([log.read_text().splitlines()[0], *lines, *ring]))
-    options = [*COLUMNS, "--model", "mean", "--repeats", "--out", str(tmp_path / "out")]
+    options = [
+        *COLUMNS,
+        "--model",
+        "mean",
+        "--read",
+        "repeats=true",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     result = printed("rate", log, *options, "--explain", "s7", "--suspects", "--top", "0")
     assert "Trust in the ratee s7: 0." in result
     assert "In 19 shuffled logs: 0 groups" in result
@@ -142,15 +135,13 @@ def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path
         (
             0,
             160,
-            "90 ratings of rounds that had ended (--late drop), 0 ahead by more than the lead, 10 "
-            "repeated",
+            "90 ratings of rounds that had ended, 0 ahead by more than the lead, 10 repeated",
         ),
         (160, 300, ""),
         (
             160,
             300,
-            "110 ratings of rounds that had ended (--late drop), 0 ahead by more than the lead, 30 "
-            "repeated",
+            "110 ratings of rounds that had ended, 0 ahead by more than the lead, 30 repeated",
         ),
     ):
         part.write_text("".join([lines[0], *lines[first + 1 : last + 1]]))
@@ -164,11 +155,8 @@ def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path
         )
         assert nightly == whole
     part.write_text(lines[0] + "p1,s1,5,9999\np1,s2,5,3\np1,s3,5,301\n")
-    result = run("rate", str(part), *options, "--state", state, "--lead", "50", "--late", "count")
-    assert (
-        "1 ratings of rounds that had ended (--late count), 1 ahead by more than the lead, 0"
-        in result.output
-    )
+    result = run("rate", str(part), *options, "--state", state, "--lead", "50")
+    assert "1 ratings of rounds that had ended, 1 ahead by more than the lead, 0" in result.output
     before = Path(state).read_bytes()
     for changed, words in (
         (["--scale", "0", "5"], ("[1.0, 5.0]", "[0.0, 5.0]")),
@@ -206,8 +194,7 @@ def test_a_night_without_new_ratings_changes_no_trust_and_another_clock_is_refus
     assert csv_rows(tmp_path / "out" / "ratees.csv") == before
     for text, words in (
         (head, ("log.csv",)),
-        (head + dates[0], ("times",)),
-        (head + dates[0] + "Z", ("times", "1970")),
+        (head + dates[0], ("rounds", "1,000,000")),
     ):
         state = (tmp_path / "state.npz").read_bytes()
         log.write_text(text)
@@ -250,13 +237,13 @@ def test_names_give_no_orders_to_the_terminal_and_no_log_or_state_is_replaced(
 
 
 def test_a_bad_file_leaves_older_results_as_they_are(tmp_path: Path) -> None:
-    content, out = BAD["off the scale"][0], tmp_path / "out"
+    out = tmp_path / "out"
     path = tmp_path / "log.csv"
     path.write_text(GOOD)
-    options = "--time", "time", "--scale", "1", "5", "--out", str(out)
+    options = "--scale", "1", "5", "--out", str(out)
     assert run("rate", str(path), *options).exit_code == 0
     before = {file.name: file.read_bytes() for file in out.iterdir()}
-    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    path.write_text(GOOD + "c,x,6,40\n")
     result = printed("rate", path, *options, code=2)
     assert "Traceback" not in result
     assert {file.name: file.read_bytes() for file in out.iterdir()} == before
@@ -273,20 +260,7 @@ def test_a_model_that_does_not_fit_says_what_it_would_take(tmp_path: Path) -> No
 def test_real_ratings(tmp_path: Path) -> None:
     if not REAL.exists():
         pytest.skip(f"the log of Bitcoin OTC is not in {REAL.parent}")
-    columns = [
-        "--rater",
-        "1",
-        "--ratee",
-        "2",
-        "--rating",
-        "3",
-        "--time",
-        "4",
-        "--scale",
-        "-10",
-        "10",
-        "--same-agents",
-    ]
+    columns = [*OTC, "--scale", "-10", "10", "--same-agents"]
     result = printed("rate", REAL, *columns, "--every", "2592000", "--out", tmp_path)
     assert "35,592 ratings in 64 rounds" in result
     assert (len(csv_rows(tmp_path / "raters.csv")), len(csv_rows(tmp_path / "ratees.csv"))) == (
@@ -296,182 +270,21 @@ def test_real_ratings(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rounds", "word"),
+    ("options", "words"),
     [
-        (["--every", "0", "--time", "day"], "0"),
-        (["--count", "9", "--every", "30", "--time", "day"], "rounds"),
+        (["--every", "0"], ("every", "0.0")),
+        (["--columns", "rater=a,rate=b"], ("--columns", "rate=b")),
+        (["--read", "headr=no"], ("--read", "headr", "header")),
+        (["--read", "decimal=;"], ("decimal", ";")),
     ],
 )
-def test_rounds_that_do_not_fit_are_refused_before_the_file_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rounds: list[str], word: str
+def test_wrong_options_are_refused(
+    log: Path, tmp_path: Path, options: list[str], words: tuple[str, ...]
 ) -> None:
-    def read(*_: object, **__: object) -> None:
-        raise AssertionError("the file is read")
-
-    monkeypatch.setattr("roletrust_experiments.commands.log_options.read_ratings", read)
-    result = run("rate", str(tmp_path / "log.csv"), *rounds, "--out", str(tmp_path / "out"))
+    result = run("rate", str(log), *COLUMNS, *options, "--out", str(tmp_path / "out"))
     assert result.exit_code == 2
-    assert_names(" ".join(result.stderr.split()), word)
-    assert not (tmp_path / "out").exists()
-
-
-# --- which model suits logs
-# ---------------------------------------------------------------------------
-
-
-def compare(*arguments: str) -> Any:
-    return run("rate", "--compare", *arguments)
-
-
-def test_a_synthetic_log_is_written_and_measured(tmp_path: Path) -> None:
-    models = ["--model", "role-trust", "--model", "own-experience"]
-    result = compare(str(tmp_path / "log"), "--synthetic", *models, "--out", str(tmp_path / "out"))
-    assert result.exit_code == 0, result.output
-    table = csv_rows(tmp_path / "out" / "comparison.csv")
-    protocols = ["rated before", "next rating", "rater forward", "attack"]
-    assert list(dict.fromkeys(row["protocol"] for row in table)) == protocols
-    assert re.search(
-        r"log/ratings.csv.gz: Recommended: [a-z-]+\. Its forecast \(r 0\.",
-        result.output.replace("\n", " "),
-    )
-    assert {row["model"] for row in table} == {"role-trust", "own-experience"}
-    known = [row for row in table if row["low"]]
-    assert all(float(row["low"]) <= float(row["value"]) <= float(row["high"]) for row in known)
-    assert {row["round"] for row in table} == {"2592000.000000"}
-    assert "too narrow" not in result.output  # at 80 columns
-    assert "| role-trust |" in (tmp_path / "out" / "comparison.md").read_text()
-    first = next(row for row in table if (row["protocol"], row["measure"]) == ("rated before", "r"))
-    shown = [line.split() for line in result.output.splitlines()]
-    assert [first["model"], f"{float(first['value']):.3f}"] in [line[:2] for line in shown]
-    again = compare(str(tmp_path / "log"), *models, "--out", str(tmp_path / "again"))
-    assert again.exit_code == 0
-    assert csv_rows(tmp_path / "again" / "comparison.csv") == table
-
-
-def test_models_that_do_not_fit_are_left_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("roletrust_env.trust.grid_run.MEMORY", 1000.0)
-    options = ["--model", "mean", "--model", "travos", "--out", str(tmp_path / "out")]
-    result = compare(str(tmp_path / "log"), "--synthetic", *options)
-    assert result.exit_code == 0, result.output
-    assert result.output.count("left out:") == 1
-    assert {row["model"] for row in csv_rows(tmp_path / "out" / "comparison.csv")} == {"mean"}
-
-
-def written(folder: Path, name: str, lines: list[str]) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / name).write_text("".join(f"{line}\n" for line in lines))
-
-
-def test_a_log_that_is_too_small_for_a_protocol_has_the_others(tmp_path: Path) -> None:
-    """And other logs of the folder are measured; a line says what is left out."""
-    month = 2_592_000
-    written(
-        tmp_path / "one-each",
-        "ratings.csv",
-        [f"{n},{n + 1},{n % 11 - 5},{n * month // 8}" for n in range(0, 90, 2)],
-    )
-    written(tmp_path / "one-round", "ratings.csv", ["1,2,5,0", "2,3,4,1"])
-    result = compare(
-        str(tmp_path), "--model", "mean", "--model", "beta", "--out", str(tmp_path / "out")
-    )
-    assert result.exit_code == 0, result.output
-    page = (tmp_path / "out" / "comparison.md").read_text()
-    assert "- Left out: attacks on one-each/ratings.csv: an attack needs 20 providers" in page
-    assert (
-        page.count("- Left out: forecasts on one-round/ratings.csv: with rounds of 2.592e+06") == 1
-    )
-    assert {row["protocol"] for row in csv_rows(tmp_path / "out" / "comparison.csv")} == {
-        "next rating",
-        "rater forward",
-    }
-    assert "nan" not in page
-
-
-def test_a_file_with_columns_of_its_own_is_compared(tmp_path: Path) -> None:
-    write_log(tmp_path / "plain.csv.gz")
-    lines = gzip.decompress((tmp_path / "plain.csv.gz").read_bytes()).decode().splitlines()
-    turned = [";".join(line.split(",")[place] for place in (3, 2, 1, 0)) for line in lines]
-    written(tmp_path, "own.csv", ["when;points;seller;buyer", *turned])
-    options = ["--model", "mean", "--scale", "-10", "10", "--out", str(tmp_path / "out")]
-    result = compare(str(tmp_path / "own.csv"), "--time", "when", "--rating", "points", *options)
-    assert result.exit_code == 0, result.output
-    assert "separator semicolon" in result.output.replace("\n", " ")
-    assert (
-        compare(str(tmp_path / "plain.csv.gz"), *options[:-1], str(tmp_path / "again")).exit_code
-        == 0
-    )
-    own, plain = (csv_rows(tmp_path / name / "comparison.csv") for name in ("out", "again"))
-    assert [row["value"] for row in own] == [row["value"] for row in plain]
-
-
-def test_what_is_measured_is_kept_and_all_logs_are_read_before_any_is_measured(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    written(
-        tmp_path / "a",
-        "ratings.csv",
-        ["1,2,5,0", "2,3,4,9999999", "1,3,4,9999999", "3,2,-4,19999999"],
-    )
-    written(tmp_path / "b", "ratings.csv", ["1,2,5,0", "2,3,four,9999999"])
-    options = ["--model", "mean", "--model", "beta", "--out", str(tmp_path / "out")]
-    result = compare(str(tmp_path), *options)
-    assert result.exit_code == 2
-    assert "b/ratings.csv, row 2" in result.output.replace("\n", "")
-    assert not (tmp_path / "out").exists()
-    (tmp_path / "b" / "ratings.csv").unlink()
-    monkeypatch.setattr(Beta, "update", lambda *given: 1 / 0)
-    assert isinstance(compare(str(tmp_path), *options).exception, ZeroDivisionError)
-    assert {row["model"] for row in csv_rows(tmp_path / "out" / "comparison.csv")} == {"mean"}
-
-
-def test_a_log_that_is_too_small_for_all_is_one_line(tmp_path: Path) -> None:
-    written(tmp_path / "log", "ratings.csv", ["1,2,5,0"])
-    result = compare(str(tmp_path / "log"), "--out", str(tmp_path / "out"))
-    assert result.exit_code == 2
-    assert "nothing could be measured; forecasts on log/ratings.csv" in result.output
-    assert not (tmp_path / "out" / "comparison.csv").exists()
-
-
-def test_no_folder_of_logs_is_one_line(tmp_path: Path) -> None:
-    result = compare(str(tmp_path), "--out", str(tmp_path / "out"))
-    assert result.exit_code == 2
-    assert "has no log" in result.output
-    assert not (tmp_path / "out").exists()
-
-
-def test_real_logs(tmp_path: Path) -> None:
-    """The paper's model as a forecast, and an unrated newcomer among the rated."""
-    if not SHARED.is_dir():
-        pytest.skip(f"there are no real logs in {SHARED}")
-    result = compare(
-        str(SHARED), "--model", "role-trust", "--model", "mean", "--out", str(tmp_path)
-    )
-    assert result.exit_code == 0, result.output
-    table = csv_rows(tmp_path / "comparison.csv")
-    assert {row["log"] for row in table} == set(KNOWN.values())
-    found = {
-        (row["model"], row["protocol"], row["measure"]): float(row["value"] or "nan")
-        for row in table
-    }
-    assert found["role-trust", "next rating", "auc"] == pytest.approx(0.642, abs=5e-4)
-    assert found["mean", "next rating", "auc"] == pytest.approx(0.685, abs=5e-4)
-    assert found["role-trust", "attack", "lift, honest"] == pytest.approx(0.958, abs=5e-4)
-    assert found["role-trust", "attack", "sink, 3 new"] < 0.01
-
-
-def test_options_of_one_kind_are_refused_for_the_other(tmp_path: Path) -> None:
-    for options, word in (
-        (["--compare", "--count", "3"], "--compare"),
-        (["--compare", "--explain", "x"], "--compare"),
-        (["--compare", "--out", "x.parquet"], "--compare"),
-        (["--synthetic"], "--compare"),
-        (["--model", "mean", "--model", "beta"], "--compare"),
-    ):
-        result = run("rate", str(tmp_path), *options)
-        assert result.exit_code == 2
-        assert_names(" ".join(result.stderr.split()), word)
+    assert_names(" ".join(result.stderr.split()), *words)
+    assert not (tmp_path / "out" / "ratees.csv").exists()
 
 
 def test_raters_that_are_trusted_beforehand_are_seeds_by_name(tmp_path: Path) -> None:
@@ -493,7 +306,7 @@ def test_raters_that_are_trusted_beforehand_are_seeds_by_name(tmp_path: Path) ->
     for more, words in (
         (["--model", "merit-rank", "--trusted", "annn"], ("ann",)),
         (["--trusted", "ann"], ("leave-one-out",)),
-        (["--trusted", "ann", "--compare"], ("--compare", "--state")),
+        (["--trusted", "ann", "--state", "s", "--every", "9"], ("--trusted", "--state")),
     ):
         result = run("rate", str(tmp_path / "log.csv"), "--same-agents", *more)
         assert result.exit_code == 2

@@ -102,19 +102,12 @@ def scenario(
         advance = stage(progress, f"Reading {recording.name}")
         if recording.is_file():
             require("roletrust live scenario of a log", "data", "pyarrow")
-            from roletrust_env.data.columns import Columns
-            from roletrust_env.data.log import read_ratings
+            from roletrust_env.logs.log import read
             from roletrust_env.service.log_team import observe_log
 
-            log = read_ratings(
-                recording,
-                Columns(time="time"),
-                scale=scale,
-                same_agents=True,
-                every=every,
-                advance=advance,
-                tell=tell,
-            )
+            log = read(recording, scale=scale, same_agents=True)
+            for note in log.notes:
+                tell(note)
             observation = observe_log(log, every)
         else:
             keyring = None if keys is None else PublicKeys(keys)

@@ -1,0 +1,356 @@
+"""Tables of pyarrow from the files and data frames that people have."""
+
+import bz2
+import codecs
+import csv
+import gzip
+import lzma
+import re
+import sqlite3
+import zipfile
+import zlib
+from collections import Counter
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, get_args
+
+from roletrust_env.errors import short, suggest
+from roletrust_env.parameters import truth_value
+from roletrust_env.storage.untrusted import parse_json
+
+_HEAD = 1 << 16
+"""Number of bytes in which the separator of a text is found."""
+
+_SEPARATORS = (",", ";", "\t", "|", " ")
+_COMMENTS = ("#", "%")
+_NAMED = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "blank": " "}
+_PACKED = {".gz": gzip.decompress, ".xz": lzma.decompress, ".bz2": bz2.decompress}
+_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+TimeUnit = Literal["s", "ms", "us", "ns"]
+"""Unit of times that are numbers, since 1970 where they are dates."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a reader needs to know about a source, beyond its columns.
+
+    Attributes:
+        header: Whether the first row of a text has the names of the columns. Without a header,
+            columns are numbers from 1.
+        separator: Text between two columns; None finds a comma, semicolon, tab, bar or blank.
+        encoding: Encoding of a text; None is UTF-8, or UTF-16 with a byte order mark.
+        decimal: Decimal mark of numbers that are texts: `"."` or `","`.
+        time_format: Form of dates that are not those of ISO 8601, such as `"%d.%m.%Y"`.
+        time_unit: Unit of times that are numbers: `"s"`, `"ms"`, `"us"` or `"ns"`.
+        labels: Numbers of ratings that are texts, such as `{"yes": 1, "no": 0}`. Upper case does
+            not matter. They add to numbers.
+        missing: Texts that stand for a missing value, also `""`. Rows with one are left out.
+        repeats: Whether a row may be the same as an earlier one, also in its time.
+        table: Table of a SQLite file, or sheet of a workbook, if it has several.
+
+    Raises:
+        ValueError: A value is not allowed.
+    """
+
+    header: bool = True
+    separator: str | None = None
+    encoding: str | None = None
+    decimal: str = "."
+    time_format: str | None = None
+    time_unit: str = "s"
+    labels: dict[str, float] = field(default_factory=dict)
+    missing: tuple[str, ...] = ()
+    repeats: bool = False
+    table: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("header", "repeats"):
+            object.__setattr__(self, name, truth_value(name, getattr(self, name)))
+        for name, value, allowed in (
+            ("decimal", self.decimal, (".", ",")),
+            ("time_unit", self.time_unit, get_args(TimeUnit)),
+        ):
+            if value not in allowed:
+                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {value!r}")
+        for name in ("separator", "encoding", "time_format", "table"):
+            text = getattr(self, name)
+            if text is not None and (not isinstance(text, str) or not text):
+                raise ValueError(f"{name} must be a text, got {text!r}")
+        if isinstance(self.missing, str) or not all(isinstance(text, str) for text in self.missing):
+            raise ValueError(f"missing must be a list of texts, got {self.missing!r}")
+        if not isinstance(self.labels, dict):
+            raise ValueError(f"labels must map texts to numbers, got {self.labels!r}")
+        for text, number in self.labels.items():
+            finite = isinstance(number, int | float) and abs(number) < float("inf")
+            if isinstance(number, bool) or not finite:
+                raise ValueError(f"the rating of label {text!r} must be a number, got {number!r}")
+
+
+class Source(NamedTuple):
+    """A table as it was read.
+
+    Attributes:
+        table: Table of pyarrow; its columns are texts where the source is a text.
+        name: Path of the file, or what the object is, for error messages.
+        first: Number of the first row of the table in the source.
+        about: How it was read.
+    """
+
+    table: Any
+    name: str
+    first: int
+    about: str
+
+    def row(self, place: int) -> str:
+        """Return the name of the source and the number of a row, by its place from 0."""
+        return f"{self.name}, row {self.first + int(place)}"
+
+
+def open_source(source: Any, reading: Reading) -> Source:
+    """Return a source as a table.
+
+    Args:
+        source: Path of a file or of a folder of Parquet files, a mapping of columns, or a data
+            frame with Arrow's C stream interface, such as those of pandas, polars and DuckDB.
+        reading: What is known about it.
+
+    Raises:
+        ValueError: The source is not such a table, or is damaged; or a package is missing.
+        OSError: The file cannot be read.
+    """
+    try:
+        import pyarrow as arrow
+    except ImportError:
+        raise ValueError(
+            "reading ratings needs pyarrow: pip install 'roletrust-env[data]'"
+        ) from None
+    if isinstance(source, str | Path):
+        return _open_file(Path(source), reading)
+    kind = type(source).__name__
+    if hasattr(source, "__arrow_c_stream__") or isinstance(source, dict):
+        try:
+            return Source(arrow.table(source), f"the {kind}", 1, kind)
+        except (arrow.ArrowException, TypeError, ValueError) as error:
+            raise ValueError(f"the {kind} is not a table of ratings: {_line(error)}") from None
+    raise ValueError(
+        f"the source is of type {kind}; it must be a path, a data frame (pandas, polars, DuckDB, "
+        "Arrow) or a mapping of columns"
+    )
+
+
+def _open_file(path: Path, reading: Reading) -> Source:
+    """Return a file, or a folder of Parquet files, as a table."""
+    import pyarrow as arrow
+    from pyarrow import feather, parquet
+
+    suffix, about = path.suffix.lower(), path.suffix.lower()
+    try:
+        if path.is_dir() or suffix in (".parquet", ".pq"):
+            return Source(parquet.read_table(path), str(path), 1, "Parquet")
+        if suffix in (".feather", ".arrow"):
+            return Source(feather.read_table(path), str(path), 1, "Feather")
+        if suffix in (".sqlite", ".db", ".sqlite3"):
+            return Source(_sqlite(path, reading.table), str(path), 1, "SQLite")
+        if suffix == ".xlsx":
+            return Source(_workbook(path, reading.table), str(path), 2, "workbook")
+        data = path.read_bytes()
+        if suffix == ".zip":
+            data, about = _member(path)
+        elif suffix in _PACKED:
+            data, about = _PACKED[suffix](data), path.with_suffix("").suffix.lower()
+        if about in (".json", ".jsonl", ".ndjson"):
+            return Source(_json(data), str(path), 1, "JSON")
+        if _looks_binary(data):
+            raise ValueError("it has bytes that are not a text")
+        return _text(data, path, reading)
+    except (EOFError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, gzip.BadGzipFile) as error:
+        raise ValueError(f"{path} is a damaged {suffix} file: {_line(error)}") from None
+    except (arrow.ArrowException, UnicodeError, csv.Error, sqlite3.Error, ValueError) as error:
+        raise ValueError(
+            f"{path} cannot be read as {_guess(path, about)}: {_line(error)}"
+        ) from None
+
+
+def _guess(path: Path, suffix: str) -> str:
+    """Return what a file seems to be by its name."""
+    kinds = {".parquet": "Parquet", ".pq": "Parquet", ".xlsx": "a workbook", ".feather": "Feather"}
+    kinds |= dict.fromkeys((".json", ".jsonl", ".ndjson"), "JSON")
+    kinds |= dict.fromkeys((".sqlite", ".db", ".sqlite3"), "SQLite")
+    return "a folder of Parquet files" if path.is_dir() else kinds.get(suffix, "CSV")
+
+
+def _line(error: BaseException) -> str:
+    return short(" ".join(str(error).split()) or type(error).__name__)
+
+
+def _looks_binary(data: bytes) -> bool:
+    return b"\0" in data[:_HEAD] and not data.startswith(_MARKS)
+
+
+def _member(path: Path) -> tuple[bytes, str]:
+    """Return the only file in an archive, and the ending of its name."""
+    with zipfile.ZipFile(path) as archive:
+        names = [name for name in archive.namelist() if not name.endswith("/")]
+        if len(names) != 1:
+            raise ValueError(f"it holds {len(names)} files; an archive must hold one")
+        return archive.read(names[0]), Path(names[0]).suffix.lower()
+
+
+def _sqlite(path: Path, table: str | None) -> Any:
+    """Return a table of a SQLite file."""
+    import pyarrow as arrow
+
+    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as file:
+        known = [
+            name
+            for (name,) in file.execute(
+                "SELECT name FROM sqlite_master WHERE type IN ('table', 'view') ORDER BY 1"
+            )
+        ]
+        name = _chosen(table, known)
+        quoted = name.replace('"', '""')
+        rows = file.execute(f'SELECT * FROM "{quoted}"')
+        names = [column[0] for column in rows.description]
+        columns = list(zip(*rows, strict=True)) or [()] * len(names)
+    return arrow.table([_values(list(column)) for column in columns], names=names)
+
+
+def _workbook(path: Path, table: str | None) -> Any:
+    """Return a sheet of a workbook, whose first row has the names of the columns."""
+    import pyarrow as arrow
+
+    try:
+        from openpyxl import load_workbook
+    except ImportError:
+        raise ValueError("a workbook needs openpyxl: pip install openpyxl") from None
+    book = load_workbook(path, read_only=True, data_only=True)
+    rows = iter(book[_chosen(table, book.sheetnames)].iter_rows(values_only=True))
+    names = [str(name) for name in next(rows, ())]
+    columns = list(zip(*rows, strict=True)) or [()] * len(names)
+    return arrow.table([_values(list(column)) for column in columns], names=names)
+
+
+def _chosen(table: str | None, known: list[str]) -> str:
+    """Return the table that was asked for, or the only one."""
+    if table is None and len(known) == 1:
+        return known[0]
+    if table not in known:
+        hint = suggest(table, known) if table else "; name one by table"
+        raise ValueError(f"it has the tables {', '.join(known) or 'none'}{hint}")
+    return table
+
+
+def _json(data: bytes) -> Any:
+    """Return JSON, one object in each line or all in an array, as a table."""
+    import pyarrow as arrow
+
+    text = data.removeprefix(codecs.BOM_UTF8).strip()
+    rows = (
+        parse_json(text)
+        if text.startswith(b"[")
+        else [parse_json(line) for line in text.splitlines() if line.strip()]
+    )
+    if not rows or not all(isinstance(row, dict) for row in rows):
+        raise ValueError("it must have one object in each line, or an array of objects")
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    return arrow.table({name: _values([row.get(name) for row in rows]) for name in names})
+
+
+def _values(values: list[Any]) -> Any:
+    """Return values of JSON as a column; as texts if they are of several types."""
+    import pyarrow as arrow
+
+    try:
+        return arrow.array(values)
+    except (arrow.ArrowException, OverflowError):
+        return arrow.array([None if value is None else str(value) for value in values])
+
+
+def _text(data: bytes, path: Path, reading: Reading) -> Source:
+    """Return a text with separated columns as a table of texts."""
+    import pyarrow as arrow
+    from pyarrow import csv as arrow_csv
+
+    data = _as_utf8(data, reading.encoding)
+    lines = data[:_HEAD].decode("utf-8", "replace").splitlines()
+    lines = lines[: len(lines) - (len(data) > _HEAD)]  # the last line may be cut
+    skipped = 0
+    while skipped < len(lines) and _is_comment(lines[skipped]):
+        skipped += 1
+    lines = [line for line in lines[skipped:] if line.strip()]
+    if not lines:
+        return Source(arrow.table({}), str(path), 1, "CSV")
+    separator = _NAMED.get(reading.separator or "", reading.separator) or _separator(lines)
+    if len(separator) != 1:
+        raise ValueError(f"the separator is {separator!r}; it must be one letter")
+    first = next(csv.reader(lines, delimiter=separator))
+    names = [text.strip() for text in first]
+    if not reading.header:
+        names = [str(number) for number in range(1, len(first) + 1)]
+    positions = [str(position) for position in range(len(first))]
+    table = arrow_csv.read_csv(
+        arrow.BufferReader(data),
+        arrow_csv.ReadOptions(
+            column_names=positions,
+            skip_rows=skipped + reading.header,
+            block_size=1 << 24,
+        ),
+        arrow_csv.ParseOptions(delimiter=separator, newlines_in_values=b'"' in data),
+        arrow_csv.ConvertOptions(
+            column_types=dict.fromkeys(positions, arrow.string()), strings_can_be_null=False
+        ),
+    )
+    named = {value: name for name, value in _NAMED.items()}.get(separator, separator)
+    about = f"CSV with the separator {named}"
+    return Source(table.rename_columns(names), str(path), skipped + reading.header + 1, about)
+
+
+def _as_utf8(data: bytes, encoding: str | None) -> bytes:
+    """Return a text in UTF-8 without a byte order mark.
+
+    Raises:
+        ValueError: The text has another encoding than is stated.
+    """
+    if encoding is None and data.startswith(_MARKS):
+        encoding = "utf-16"
+    if encoding is not None:
+        try:
+            return data.decode(encoding).removeprefix("\ufeff").encode()
+        except LookupError:
+            raise ValueError(f"encoding {encoding!r} is unknown") from None
+    data = data.removeprefix(codecs.BOM_UTF8)
+    try:
+        str(memoryview(data), "utf-8")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise ValueError(
+            f"row {line} has the byte 0x{data[error.start]:02x}, which is not UTF-8; name the "
+            "encoding, such as encoding=latin-1"
+        ) from None
+    return data
+
+
+def _is_comment(line: str) -> bool:
+    return not line.strip() or line.startswith(_COMMENTS)
+
+
+def _separator(lines: list[str]) -> str:
+    """Return the separator that cuts the lines into the same number of columns, two or more.
+
+    Raises:
+        ValueError: None does.
+    """
+    for separator in _SEPARATORS:
+        widths = Counter(len(row) for row in csv.reader(lines, delimiter=separator) if row)
+        if len(widths) == 1 and max(widths) > 1:
+            return separator
+    counts = {text: lines[0].count(text) for text in (*_SEPARATORS, "::") if text in lines[0]}
+    shown = f"; the first line is {short(repr(lines[0]))}"
+    if "::" in counts and re.search(r"\S::\S", lines[0]):
+        raise ValueError(f"columns seem to be separated by '::', which is not one letter{shown}")
+    best = max(counts, key=lambda text: counts[text], default=None)
+    if best is None:
+        raise ValueError(f"its lines have a single column{shown}")
+    return best

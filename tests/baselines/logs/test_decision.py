@@ -1,0 +1,61 @@
+"""Which model suits a log: by paired differences of forecasts, and of what is kept under attack."""
+
+import numpy as np
+import pytest
+
+from roletrust_baselines.logs.decision import Evaluated, decide
+from roletrust_env.logs import Log, read
+
+SIZE, PEOPLE = 2000, 60
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    random = np.random.default_rng(0)
+    people = random.integers(0, PEOPLE, (2, SIZE))
+    quality = random.random(PEOPLE)
+    values = np.clip(quality[people[1]] + random.normal(0, 0.2, SIZE), 0, 1)
+    return read({"rater": people[0], "ratee": people[1], "rating": values})
+
+
+def model(log: Log, noise: float, kept: float | None = None, seed: int = 1) -> Evaluated:
+    """A model whose trust is the rating with noise, and that keeps so much of 20 targets."""
+    random = np.random.default_rng(seed)
+    trust = log.values + random.normal(0, noise, SIZE)
+    targets = None if kept is None else kept + random.normal(0, 0.02, (2, 20))
+    return Evaluated(np.arange(SIZE), trust, targets)
+
+
+def test_decide_recommends_a_significantly_better_forecast(log: Log) -> None:
+    decision = decide(log, {"poor": model(log, 1.0), "good": model(log, 0.1)})
+    assert decision is not None
+    assert decision.recommended == "good"
+    good, poor = decision.standings
+    assert (good.name, good.behind) == ("good", (0, 0, 0))
+    trust = model(log, 1.0).trust
+    assert poor.forecast.value == pytest.approx(np.corrcoef(trust, log.values)[0, 1])
+    assert poor.behind.low <= poor.behind.value <= poor.behind.high < 0
+    assert np.isnan(good.kept.value)
+
+
+def test_decide_recommends_nothing_without_a_significant_difference(log: Log) -> None:
+    for kept in (None, 0.7):
+        models = {f"m{seed}": model(log, 0.3, kept, seed) for seed in (1, 2)}
+        decision = decide(log, models)
+        assert decision is not None
+        assert decision.recommended == ""
+
+
+def test_decide_prefers_what_keeps_significantly_more(log: Log) -> None:
+    models = {"firm": model(log, 0.3, 0.9, 1), "soft": model(log, 0.3, 0.4, 2)}
+    decision = decide(log, {**models, "blind": model(log, 5.0, 1.0, 3)})
+    assert decision is not None
+    assert decision.recommended == "firm"
+    kept = {standing.name: standing.kept.value for standing in decision.standings}
+    assert kept["soft"] == pytest.approx(0.4, abs=0.02)
+
+
+def test_decide_needs_a_forecast(log: Log) -> None:
+    constant = Evaluated(np.arange(SIZE), np.full(SIZE, 0.5), None)
+    assert decide(log, {"constant": constant}) is None
+    assert decide(log, {}) is None
