@@ -167,7 +167,7 @@ def _open_file(path: Path, reading: Reading) -> Source:
         return _text(data, path, reading)
     except (EOFError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, gzip.BadGzipFile) as error:
         raise ValueError(f"{path} is a damaged {suffix} file: {_line(error)}") from None
-    except (arrow.ArrowException, UnicodeError, csv.Error, sqlite3.Error, ValueError) as error:
+    except (arrow.ArrowException, csv.Error, sqlite3.Error, ValueError, KeyError) as error:
         raise ValueError(
             f"{path} cannot be read as {_guess(path, about)}: {_line(error)}"
         ) from None

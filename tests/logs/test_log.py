@@ -128,6 +128,28 @@ def test_read_frames(frame: Any) -> None:
     assert is_good(read(frame, scale=(1, 5)))
 
 
+def test_read_workbooks(tmp_path: Path) -> None:
+    path = written(tmp_path, b"PK no workbook", "log.xlsx")
+    try:
+        import openpyxl
+    except ImportError:
+        with refuses(ValueError, "openpyxl"):
+            read(path)
+        return
+    with refuses(ValueError, "log.xlsx"):
+        read(path)
+    book = openpyxl.Workbook()
+    for row in (list(COLUMNS), *zip(*COLUMNS.values(), strict=True)):
+        book.active.append(row)
+    book.save(path)
+    assert is_good(read(path, scale=(1, 5)))
+    book.create_sheet("more")
+    book.save(path)
+    with refuses(ValueError, "more", "table"):
+        read(path, scale=(1, 5))
+    assert is_good(read(path, scale=(1, 5), reading=Reading(table="Sheet")))
+
+
 def test_read_frames_of_other_libraries() -> None:
     for library, make in (
         ("polars", lambda module: module.DataFrame(COLUMNS)),
