@@ -143,7 +143,7 @@ class IsolatedModel:
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         weakref.finalize(self, _end, self._process)
         settings = {"lam": scenario.lam, "initial_trust": scenario.initial_trust}
-        names, self._personal = self._ask("make", sys.path, text, settings)
+        names, self._has_judges, self._has_choice = self._ask("make", sys.path, text, settings)
         traits = dict(zip(Traits._fields, names.tolist(), strict=True))
         self.rates_raters, self.family, self.source = (
             traits["rates_raters"] == "True",
@@ -157,9 +157,11 @@ class IsolatedModel:
         return f"{self._text} in a process of its own"
 
     def __getattr__(self, name: str) -> Any:
-        """Return `judge_trust` if the model is a personal one."""
-        if name == "judge_trust" and self._personal:
+        """Return `judge_trust` or `preference` if the model has it."""
+        if name == "judge_trust" and self._has_judges:
             return lambda state: state.judged
+        if name == "preference" and self._has_choice:
+            return self._preference
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def start(self, like: Array, peers: Array) -> IsolatedState:
@@ -197,6 +199,10 @@ class IsolatedModel:
     def provider_trust(self, state: IsolatedState) -> Array:
         """Return the trust of each provider. See `TrustModel.provider_trust`."""
         return state.top
+
+    def _preference(self, state: IsolatedState, noise: Array) -> Array:
+        (number,) = np.unique(state.number)
+        return self._ask("preference", int(number), noise)[0]
 
     def check_alone(self) -> None:
         """Play some games again, each alone in a process that has not seen the others. Then begin a
@@ -316,13 +322,16 @@ class _Model:
         self._number = 0
 
     def make(self, path: list[str], text: str, settings: dict[str, Any]) -> list[Any]:
-        """Make the model, and return its traits and whether it is a personal one."""
+        """Make the model, and return its traits, whether it is a personal one, and whether it has a
+        choice rule of its own.
+        """
         sys.path[:] = path
         agents: Any = [{"role": "SR"}, {"role": "SP"}]
         self._model: Any = parse_trust_model(text, Scenario(agents=agents, **settings))
         return [
             [str(trait) for trait in Traits.of(self._model)],
             hasattr(self._model, "judge_trust"),
+            hasattr(self._model, "preference"),
         ]
 
     def start(self, like: Any, peers: Any) -> list[Any]:
@@ -338,6 +347,10 @@ class _Model:
         run = copy(self._runs[number])
         run.update(_from_arrays(*given))
         return self._numbered(run)
+
+    def preference(self, number: int, noise: Any) -> list[Any]:
+        """Return how much each judge wants each provider in a state."""
+        return [self._model.preference(self._runs[number].state, noise)]
 
     def _numbered(self, run: GridRun) -> list[Any]:
         """Keep a run under the next number, and return the number and the trust."""

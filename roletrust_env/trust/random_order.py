@@ -42,11 +42,14 @@ class RandomOrder:
     takes_peers = True
 
     def __getattr__(self, name: str) -> Any:
-        """Return a property of the model, see `Traits`, or `judge_trust` if the model has it."""
-        if name not in (*Traits._fields, "judge_trust"):
+        """Return a property of the model, see `Traits`, or `judge_trust` or `preference` if the
+        model has it.
+        """
+        own = {"judge_trust": self._judge_trust, "preference": self._preference}
+        if name not in (*Traits._fields, *own):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         attribute = getattr(self.model, name)
-        return self._judge_trust if name == "judge_trust" else attribute
+        return own.get(name, attribute)
 
     def start(self, like: PerPair, peers: Any) -> OrderedState:
         """Draw the order of each game. See `TrustModel.start`.
@@ -88,9 +91,12 @@ class RandomOrder:
         """Return the trust of each provider. See `TrustModel.provider_trust`."""
         return _back(self.model.provider_trust(state.inner), state.providers)
 
-    def _judge_trust(self, state: OrderedState) -> Array:
-        judged = self.model.judge_trust(state.inner)  # type: ignore[attr-defined]
-        return _back(_back(judged, state.raters[:, None, ...]), state.providers[None, ...], axis=1)
+    def _judge_trust(self, state: OrderedState) -> PerPair:
+        return _both_back(self.model.judge_trust(state.inner), state)  # type: ignore[attr-defined]
+
+    def _preference(self, state: OrderedState, noise: PerPair) -> PerPair:
+        wanted = self.model.preference(state.inner, _seen(noise, state))  # type: ignore[attr-defined]
+        return _both_back(wanted, state)
 
 
 def _in_order(ratings: Ratings, state: OrderedState, experience: Ratings | None = None) -> Ratings:
@@ -102,6 +108,11 @@ def _in_order(ratings: Ratings, state: OrderedState, experience: Ratings | None 
 def _seen(values: Array, state: OrderedState) -> Array:
     """Return values of shape (S, P, ...) in the order that the model sees."""
     return _take(_take(values, state.raters[:, None, ...], 0), state.providers[None, ...], 1)
+
+
+def _both_back(values: Array, state: OrderedState) -> Array:
+    """Return values of shape (S, P, ...) in the order of the game."""
+    return _back(_back(values, state.raters[:, None, ...]), state.providers[None, ...], axis=1)
 
 
 def _back(values: Array, order: Array, axis: int = 0) -> Array:

@@ -227,3 +227,20 @@ def test_the_time_of_each_cell_is_estimated_by_any_choice_rule() -> None:
     seconds = estimate_seconds(suite, suite.cells())
     assert seconds.keys() == {cell.key for cell in suite.cells()}
     assert all(0 < value < 100 for value in seconds.values())
+
+
+def test_a_choice_rule_of_another_package_is_played(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "their_models.py").write_text(
+        "from roletrust_env.trust.models.personal.block import Block\n"
+        "class Theirs(Block):\n    pass\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    suite = selected_suite(small(), ["their_models:Theirs"])
+    assert "their_models:Theirs" in suite.own
+    for isolated in (False, True):
+        cell = Cell("their_models:Theirs", "own", "raters", "scripts")
+        result = play_cell(suite, cell, isolated=isolated)
+        assert not result.failed
+        assert [row.attack for row in result.rows][0] == "honest"

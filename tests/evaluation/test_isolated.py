@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from refusals import refuses
 
-from roletrust_env import make_scenario
+from roletrust_env import make_scenario, make_trust_model
 from roletrust_env.evaluation import isolated
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.isolated import IsolatedModel
 from roletrust_env.evaluation.measurement import Scores, exact_task, score
 from roletrust_env.evaluation.specs import is_own_model, parse_attacks, parse_trust_model
+from roletrust_env.testing.trust_models import play_rounds, random_rounds
 from roletrust_env.trust import Ratings
 from roletrust_env.trust.model import Traits
 from roletrust_env.trust.model_checks import needs_watching
@@ -91,6 +92,20 @@ def test_a_model_scores_the_same_in_a_process_of_its_own(text: str, seated: bool
     found = [scores(RandomOrder(model, 3) if seated else model) for model in (inside, apart)]
     for name, values in found[0].items():
         np.testing.assert_array_equal(values, found[1][name])
+
+
+def test_its_choice_rule_is_that_of_the_model() -> None:
+    own, rounds, nobody = (
+        make_trust_model("block"),
+        random_rounds((4, 3, 2)),
+        np.zeros((4, 3), bool),
+    )
+    isolated = IsolatedModel("block", make_scenario("paper-3x3"))
+    plain, state = (
+        play_rounds(one, rounds, np.zeros((4, 3, 2)), nobody) for one in (own, isolated)
+    )
+    noise = np.random.default_rng(0).random((4, 3, 2))
+    np.testing.assert_array_equal(isolated.preference(state, noise), own.preference(plain, noise))
 
 
 def test_it_learns_the_settings_of_the_scenario(mean: IsolatedModel) -> None:

@@ -37,6 +37,19 @@ def test_a_model_that_treats_all_alike_gives_the_same_trust(name):
         np.testing.assert_allclose(seated.judge_trust(state), model.judge_trust(plain), atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["block", "first-hand", "solo-threshold"])
+def test_its_choice_rule_is_that_of_the_model(name):
+    """But for ties, which noise settles by the order that the model sees."""
+    model, rounds = make_trust_model(name), random_rounds(SHAPE)
+    seated = RandomOrder(model, 3)
+    plain, state = (play_rounds(one, rounds, np.zeros(SHAPE), NOBODY) for one in (model, seated))
+    noise = np.random.default_rng(0).random(SHAPE)
+    np.testing.assert_allclose(
+        seated.preference(state, noise), model.preference(plain, noise), atol=1e-9
+    )
+    assert not hasattr(RandomOrder(Mean()), "preference")
+
+
 def test_an_agent_of_both_roles_is_refused():
     with refuses(ValueError, "RandomOrder"):
         evaluate(RandomOrder(Mean()), "srsp_2=on-off", "peers", games=2)
