@@ -38,6 +38,8 @@ def find_columns(source: Source, given: Mapping[str, str | None]) -> dict[Column
         ValueError: A column is missing, or several fit. The message shows the first rows.
     """
     names = source.table.column_names
+    if not names:
+        raise ValueError(f"{source.name} has no ratings")
     found = dict[Column, int]()
     for column in COLUMNS:
         name = given.get(column)

@@ -1,11 +1,11 @@
 """A log of ratings, read from a file or a data frame and checked."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env.logs.columns import COLUMNS, find_columns
+from roletrust_env.logs.columns import COLUMNS, Column, find_columns
 from roletrust_env.logs.names import NameList
 from roletrust_env.logs.sources import Reading, Source, open_source
 from roletrust_env.logs.units import check_scale, number_text, unit_ratings
@@ -13,6 +13,7 @@ from roletrust_env.logs.values import (
     Row,
     is_missing,
     name_codes,
+    plain_column,
     rating_numbers,
     time_nanoseconds,
 )
@@ -97,7 +98,8 @@ def read(
     Files are CSV, JSON (an object in each line, or an array), Parquet (also a folder), Feather,
     SQLite and xlsx; texts may be packed (`.gz`, `.xz`, `.bz2`, `.zip`). A column that is not named
     is found if just one has a usual name, such as `user_id`; a column of times is optional. Names
-    count without white space at their ends and in composed form (NFC).
+    count without white space at their ends and in composed form (NFC). Numbers of seconds count to
+    the microsecond, and dates to the nanosecond.
 
     Args:
         source: Path, a data frame with Arrow's C stream interface (pandas, polars, DuckDB, Arrow),
@@ -125,7 +127,34 @@ def read(
     same_agents = truth_value("same_agents", same_agents)
     opened = open_source(source, reading)
     found = find_columns(opened, {"rater": rater, "ratee": ratee, "rating": rating, "time": time})
-    columns = {column: opened.table.column(found[column]) for column in COLUMNS if column in found}
+    try:
+        return _checked(opened, found, scale, same_agents=same_agents, reading=reading)
+    except _arrow_error() as error:
+        raise ValueError(f"{opened.name} has a damaged column: {error}") from None
+
+
+def _arrow_error() -> type[Exception]:
+    """Return the base of pyarrow's errors."""
+    import pyarrow as arrow
+
+    error: type[Exception] = arrow.ArrowException
+    return error
+
+
+def _checked(
+    opened: Source,
+    found: Mapping[Column, int],
+    scale: tuple[float, float],
+    *,
+    same_agents: bool,
+    reading: Reading,
+) -> Log:
+    """Return the ratings of a table, see `read`."""
+    columns: dict[Any, Any] = {
+        column: plain_column(opened.table.column(found[column]))
+        for column in COLUMNS
+        if column in found
+    }
     kept, notes = _without_missing(opened, columns, reading)
     row = _row_after(opened, kept)
     if not len(columns["rating"]):
@@ -144,6 +173,9 @@ def read(
     if same_agents and (own := who == whom).any():
         at = int(own.argmax())
         raise ValueError(f"{row(at)}: {raters[int(who[at])]!r} rates itself")
+    named = ", ".join(
+        f"{column} = {opened.table.column_names[found[column]]}" for column in columns
+    )
     if "time" in columns:
         times = time_nanoseconds(columns["time"], reading, row)
         order = None
@@ -156,9 +188,9 @@ def read(
             _refuse_repeats(log, times, order, row)
     else:
         log = Log(who, whom, values, None, raters, ratees)
-    named = ", ".join(
-        f"{column} = {opened.table.column_names[found[column]]}" for column in columns
-    )
+    if log.times is not None:
+        ends = log.times[[0, -1]].view("datetime64[ns]").astype("datetime64[s]")
+        named += f", from {ends[0]} to {ends[1]}"
     return log._replace(notes=(f"Read as {opened.about}: {named}.", *notes, *_warnings(log)))
 
 

@@ -106,6 +106,6 @@ def nanoseconds(name: str, seconds: Any, least: int = 1) -> int:
     known = isinstance(seconds, Real) and not isinstance(seconds, bool | np.bool_ | np.timedelta64)
     if not known or not least <= float(seconds) * SECOND < 2**63:
         raise ValueError(
-            f"{name} must be a number of seconds from {least / SECOND:g}, got {seconds!r}"
+            f"{name} must be a number of seconds from {least / SECOND:g} to 9.2e9, got {seconds!r}"
         )
     return round(float(seconds) * SECOND)

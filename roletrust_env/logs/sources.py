@@ -3,19 +3,25 @@
 import bz2
 import codecs
 import csv
+import errno
 import gzip
+import io
 import lzma
+import os
 import re
 import sqlite3
 import zipfile
 import zlib
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from datetime import datetime
+from decimal import Decimal
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
-from roletrust_env.errors import short, suggest
+from roletrust_env.errors import short
 from roletrust_env.parameters import truth_value
 from roletrust_env.storage.untrusted import parse_json
 
@@ -24,6 +30,8 @@ _HEAD = 1 << 16
 
 _SEPARATORS = (",", ";", "\t", "|", " ")
 _COMMENTS = ("#", "%")
+_LINE_ENDS = re.compile("\r\n|\n|\r")
+_TABLES = (".parquet", ".pq", ".feather", ".arrow", ".sqlite", ".sqlite3", ".db", ".xlsx")
 _NAMED = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "blank": " "}
 _PACKED = {".gz": gzip.decompress, ".xz": lzma.decompress, ".bz2": bz2.decompress}
 _MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -78,14 +86,27 @@ class Reading:
             text = getattr(self, name)
             if text is not None and (not isinstance(text, str) or not text):
                 raise ValueError(f"{name} must be a text, got {text!r}")
-        if isinstance(self.missing, str) or not all(isinstance(text, str) for text in self.missing):
+        texts = self.missing if isinstance(self.missing, tuple | list) else [None]
+        if not all(isinstance(text, str) for text in texts):
             raise ValueError(f"missing must be a list of texts, got {self.missing!r}")
-        if not isinstance(self.labels, dict):
+        object.__setattr__(self, "missing", tuple(texts))
+        if self.time_format is not None and not _has_day(self.time_format):
+            raise ValueError(
+                f"time_format must have a year and a day, such as %Y-%m-%d, got "
+                f"{self.time_format!r}"
+            )
+        if not isinstance(self.labels, dict) or not all(isinstance(k, str) for k in self.labels):
             raise ValueError(f"labels must map texts to numbers, got {self.labels!r}")
         for text, number in self.labels.items():
             finite = isinstance(number, int | float) and abs(number) < float("inf")
             if isinstance(number, bool) or not finite:
                 raise ValueError(f"the rating of label {text!r} must be a number, got {number!r}")
+
+
+def _has_day(form: str) -> bool:
+    """Return whether a form of dates states the year and the day."""
+    has = set(re.findall("%([A-Za-z])", form))
+    return bool(has & {"c", "x", "s"} or (has & {"Y", "y"} and has & {"d", "j"}))
 
 
 class Source(NamedTuple):
@@ -131,6 +152,16 @@ def open_source(source: Any, reading: Reading) -> Source:
     kind = type(source).__name__
     if hasattr(source, "__arrow_c_stream__") or isinstance(source, dict):
         try:
+            if isinstance(source, dict):
+                lists = {
+                    name: list(values) if isinstance(values, tuple) else values
+                    for name, values in source.items()
+                }
+                if wrong := [name for name in lists if isinstance(lists[name], str | bytes | set)]:
+                    raise ValueError(f"column {wrong[0]!r} is not a list or an array")
+                plain = {name: v for name, v in lists.items() if isinstance(v, list)}
+                checked = _as_table(plain)
+                source = {**lists, **{name: checked.column(name) for name in plain}}
             return Source(arrow.table(source), f"the {kind}", 1, kind)
         except (arrow.ArrowException, TypeError, ValueError) as error:
             raise ValueError(f"the {kind} is not a table of ratings: {_line(error)}") from None
@@ -147,8 +178,14 @@ def _open_file(path: Path, reading: Reading) -> Source:
 
     suffix, about = path.suffix.lower(), path.suffix.lower()
     try:
-        if path.is_dir() or suffix in (".parquet", ".pq"):
-            return Source(parquet.read_table(path), str(path), 1, "Parquet")
+        if not path.exists():
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+        if path.is_dir():
+            return Source(_folder(path), str(path), 1, "a folder of Parquet files")
+        if not reading.header and suffix in (*_TABLES, ".json", ".jsonl", ".ndjson"):
+            raise ValueError("header=false is for texts")
+        if suffix in (".parquet", ".pq"):
+            return Source(parquet.ParquetFile(path).read(), str(path), 1, "Parquet")
         if suffix in (".feather", ".arrow"):
             return Source(feather.read_table(path), str(path), 1, "Feather")
         if suffix in (".sqlite", ".db", ".sqlite3"):
@@ -156,17 +193,11 @@ def _open_file(path: Path, reading: Reading) -> Source:
         if suffix == ".xlsx":
             return Source(_workbook(path, reading.table), str(path), 2, "workbook")
         data = path.read_bytes()
-        if suffix == ".zip":
-            data, about = _member(path)
-        elif suffix in _PACKED:
-            data, about = _PACKED[suffix](data), path.with_suffix("").suffix.lower()
+        if suffix == ".zip" or suffix in _PACKED:
+            data, about = _unpacked(path, data)
         if about in (".json", ".jsonl", ".ndjson"):
             return Source(_json(data), str(path), 1, "JSON")
-        if _looks_binary(data):
-            raise ValueError("it has bytes that are not a text")
         return _text(data, path, reading)
-    except (EOFError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, gzip.BadGzipFile) as error:
-        raise ValueError(f"{path} is a damaged {suffix} file: {_line(error)}") from None
     except (arrow.ArrowException, csv.Error, sqlite3.Error, ValueError, KeyError) as error:
         raise ValueError(
             f"{path} cannot be read as {_guess(path, about)}: {_line(error)}"
@@ -185,28 +216,49 @@ def _line(error: BaseException) -> str:
     return short(" ".join(str(error).split()) or type(error).__name__)
 
 
-def _looks_binary(data: bytes) -> bool:
-    return b"\0" in data[:_HEAD] and not data.startswith(_MARKS)
+def _folder(path: Path) -> Any:
+    """Return the Parquet files in a folder as a table; all must have the same columns."""
+    from pyarrow import dataset
+
+    files = dataset.dataset(path, format="parquet", partitioning="hive")
+    fragments = list(files.get_fragments())
+    if not fragments:
+        raise ValueError("it has no Parquet files")
+    for fragment in fragments:
+        if not fragment.physical_schema.equals(fragments[0].physical_schema):
+            raise ValueError(
+                f"{Path(fragment.path).name} has other columns, or of other types, than "
+                f"{Path(fragments[0].path).name}"
+            )
+    return files.to_table()
 
 
-def _member(path: Path) -> tuple[bytes, str]:
-    """Return the only file in an archive, and the ending of its name."""
-    with zipfile.ZipFile(path) as archive:
-        names = [name for name in archive.namelist() if not name.endswith("/")]
-        if len(names) != 1:
-            raise ValueError(f"it holds {len(names)} files; an archive must hold one")
-        return archive.read(names[0]), Path(names[0]).suffix.lower()
+def _unpacked(path: Path, data: bytes) -> tuple[bytes, str]:
+    """Return the content of a packed file, and the ending of its name."""
+    suffix = path.suffix.lower()
+    try:
+        if suffix != ".zip":
+            return _PACKED[suffix](data), path.with_suffix("").suffix.lower()
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = [name for name in archive.namelist() if not name.endswith("/")]
+            if len(names) != 1:
+                raise ValueError(f"it holds {len(names)} files; an archive must hold one")
+            return archive.read(names[0]), Path(names[0]).suffix.lower()
+    except (
+        *(OSError, EOFError, zlib.error, lzma.LZMAError, zipfile.BadZipFile),
+        *(RuntimeError, NotImplementedError),  # a password, or an unknown way to pack
+    ) as error:
+        raise ValueError(f"the {suffix} file cannot be unpacked: {_line(error)}") from None
 
 
 def _sqlite(path: Path, table: str | None) -> Any:
     """Return a table of a SQLite file."""
-    import pyarrow as arrow
-
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as file:
         known = [
             name
             for (name,) in file.execute(
-                "SELECT name FROM sqlite_master WHERE type IN ('table', 'view') ORDER BY 1"
+                "SELECT name FROM sqlite_master WHERE type IN ('table', 'view') "
+                "AND name NOT LIKE 'sqlite_%' ORDER BY 1"
             )
         ]
         name = _chosen(table, known)
@@ -214,22 +266,24 @@ def _sqlite(path: Path, table: str | None) -> Any:
         rows = file.execute(f'SELECT * FROM "{quoted}"')
         names = [column[0] for column in rows.description]
         columns = list(zip(*rows, strict=True)) or [()] * len(names)
-    return arrow.table([_values(list(column)) for column in columns], names=names)
+    return _as_table(dict(zip(names, map(list, columns), strict=True)))
 
 
 def _workbook(path: Path, table: str | None) -> Any:
     """Return a sheet of a workbook, whose first row has the names of the columns."""
-    import pyarrow as arrow
-
     try:
         from openpyxl import load_workbook
     except ImportError:
         raise ValueError("a workbook needs openpyxl: pip install openpyxl") from None
-    book = load_workbook(path, read_only=True, data_only=True)
-    rows = iter(book[_chosen(table, book.sheetnames)].iter_rows(values_only=True))
-    names = [str(name) for name in next(rows, ())]
-    columns = list(zip(*rows, strict=True)) or [()] * len(names)
-    return arrow.table([_values(list(column)) for column in columns], names=names)
+    try:
+        book = load_workbook(path, data_only=True)
+        sheets = {sheet.title: sheet for sheet in book.worksheets}
+        names, *rows = list(sheets[_chosen(table, list(sheets))].iter_rows(values_only=True))
+    except Exception as error:  # openpyxl raises many kinds at a damaged file
+        raise ValueError(_line(error)) from None
+    full = [row for row in rows if any(value is not None for value in row)]
+    columns = list(zip(*full, strict=True)) or [()] * len(names)
+    return _as_table({str(name): list(v) for name, v in zip(names, columns, strict=True)})
 
 
 def _chosen(table: str | None, known: list[str]) -> str:
@@ -237,35 +291,71 @@ def _chosen(table: str | None, known: list[str]) -> str:
     if table is None and len(known) == 1:
         return known[0]
     if table not in known:
-        hint = suggest(table, known) if table else "; name one by table"
-        raise ValueError(f"it has the tables {', '.join(known) or 'none'}{hint}")
+        asked = f"no table {table!r}" if table else "table must name one"
+        raise ValueError(f"{asked}; it has the tables {', '.join(known) or '(none)'}")
     return table
 
 
 def _json(data: bytes) -> Any:
     """Return JSON, one object in each line or all in an array, as a table."""
-    import pyarrow as arrow
-
-    text = data.removeprefix(codecs.BOM_UTF8).strip()
-    rows = (
-        parse_json(text)
-        if text.startswith(b"[")
-        else [parse_json(line) for line in text.splitlines() if line.strip()]
-    )
+    text = data.removeprefix(codecs.BOM_UTF8)
+    rows = list[Any]()
+    if text.lstrip().startswith(b"["):
+        rows = parse_json(text)
+    else:
+        for number, line in enumerate(text.split(b"\n"), 1):
+            try:
+                rows += [parse_json(line)] if line.strip() else []
+            except ValueError as error:
+                raise ValueError(f"line {number}: {error}") from None
     if not rows or not all(isinstance(row, dict) for row in rows):
         raise ValueError("it must have one object in each line, or an array of objects")
     names = list(dict.fromkeys(name for row in rows for name in row))
-    return arrow.table({name: _values([row.get(name) for row in rows]) for name in names})
+    return _as_table({name: [row.get(name) for row in rows] for name in names})
 
 
-def _values(values: list[Any]) -> Any:
-    """Return values of JSON as a column; as texts if they are of several types."""
+def _as_table(columns: Mapping[str, Sequence[Any]]) -> Any:
+    """Return columns of Python's values as a table. One with values of several types becomes a
+    column of structs, which is refused if it is used.
+    """
     import pyarrow as arrow
 
-    try:
-        return arrow.array(values)
-    except (arrow.ArrowException, OverflowError):
-        return arrow.array([None if value is None else str(value) for value in values])
+    table = dict[str, Any]()
+    for name, values in columns.items():
+        try:
+            table[name] = value_column(values)
+        except (ValueError, TypeError, OverflowError, arrow.ArrowException):
+            table[name] = arrow.array([{"value": str(value)} for value in values])
+    return arrow.table(table)
+
+
+def value_column(values: Sequence[Any]) -> Any:
+    """Return Python's values as a column of pyarrow; numbers beside texts become texts.
+
+    Raises:
+        ValueError: The values are of several types, such as dates and numbers, or some have a time
+            zone and others do not.
+    """
+    import pyarrow as arrow
+
+    known = [value for value in values if value is not None and value == value]  # nor NaT
+    if any(isinstance(value, datetime) for value in known):
+        zones = {getattr(value, "tzinfo", "no date") is None for value in known}
+        if not all(isinstance(value, datetime) for value in known) or len(zones) > 1:
+            raise ValueError("there are dates with a time zone or a time, and others without")
+        moments = [value if value == value else None for value in values]  # without NaT
+        return arrow.array(moments, arrow.timestamp("ns", None if True in zones else "UTC"))
+    kinds = {type(value) for value in known}
+    if len(kinds) > 1 and not kinds <= {int, float, str, Decimal}:
+        raise ValueError(f"there are values of the types {sorted(k.__name__ for k in kinds)}")
+    if str in kinds and len(kinds) > 1:
+        return arrow.array([None if value is None else _plain_text(value) for value in values])
+    return arrow.array(values)
+
+
+def _plain_text(value: Any) -> str:
+    whole = isinstance(value, float) and value.is_integer()
+    return str(int(value)) if whole else str(value)
 
 
 def _text(data: bytes, path: Path, reading: Reading) -> Source:
@@ -274,15 +364,20 @@ def _text(data: bytes, path: Path, reading: Reading) -> Source:
     from pyarrow import csv as arrow_csv
 
     data = _as_utf8(data, reading.encoding)
-    lines = data[:_HEAD].decode("utf-8", "replace").splitlines()
+    if b"\0" in data[:_HEAD]:
+        raise ValueError("it has bytes that are not a text; a packed file needs its ending")
+    lines = _LINE_ENDS.split(data[:_HEAD].decode("utf-8", "replace"))
     lines = lines[: len(lines) - (len(data) > _HEAD)]  # the last line may be cut
     skipped = 0
     while skipped < len(lines) and _is_comment(lines[skipped]):
         skipped += 1
     lines = [line for line in lines[skipped:] if line.strip()]
     if not lines:
-        return Source(arrow.table({}), str(path), 1, "CSV")
-    separator = _NAMED.get(reading.separator or "", reading.separator) or _separator(lines)
+        raise ValueError("it has no rows, or more than 64 KiB of comments before them")
+    if reading.header and lines[0].count('"') % 2:
+        raise ValueError("the name of a column has a line break")
+    separator = _NAMED.get(reading.separator or "", reading.separator)
+    separator = separator or _separator(lines, reading.decimal)
     if len(separator) != 1:
         raise ValueError(f"the separator is {separator!r}; it must be one letter")
     first = next(csv.reader(lines, delimiter=separator))
@@ -336,17 +431,19 @@ def _is_comment(line: str) -> bool:
     return not line.strip() or line.startswith(_COMMENTS)
 
 
-def _separator(lines: list[str]) -> str:
-    """Return the separator that cuts the lines into the same number of columns, two or more.
+def _separator(lines: list[str], decimal: str) -> str:
+    """Return the separator that cuts the lines into the same number of columns, two or more. A
+    decimal mark is none.
 
     Raises:
         ValueError: None does.
     """
-    for separator in _SEPARATORS:
+    separators = [separator for separator in _SEPARATORS if separator != decimal]
+    for separator in separators:
         widths = Counter(len(row) for row in csv.reader(lines, delimiter=separator) if row)
         if len(widths) == 1 and max(widths) > 1:
             return separator
-    counts = {text: lines[0].count(text) for text in (*_SEPARATORS, "::") if text in lines[0]}
+    counts = {text: lines[0].count(text) for text in (*separators, "::") if text in lines[0]}
     shown = f"; the first line is {short(repr(lines[0]))}"
     if "::" in counts and re.search(r"\S::\S", lines[0]):
         raise ValueError(f"columns seem to be separated by '::', which is not one letter{shown}")

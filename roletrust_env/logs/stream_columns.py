@@ -1,6 +1,5 @@
 """Columns of ratings that a stream is given, as arrays."""
 
-from datetime import datetime
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -8,7 +7,7 @@ import numpy.typing as npt
 
 from roletrust_env.arrays import numpy_array
 from roletrust_env.logs.names import Names
-from roletrust_env.logs.sources import Reading
+from roletrust_env.logs.sources import Reading, value_column
 from roletrust_env.logs.values import seconds_to_nanoseconds, time_nanoseconds
 from roletrust_env.trust.key_index import Floats, Ints
 
@@ -36,16 +35,16 @@ def time_column(times: Any, length: int) -> Ints:
             seconds_to_nanoseconds(array.astype("datetime64[s]").astype(np.int64))
         except OverflowError:
             raise ValueError(f"times have the unit of {array.dtype}; it may be ns") from None
-        dates: Ints = array.astype("datetime64[ns]").astype(np.int64)
-        return dates
+        dates = array.astype("datetime64[ns]")
+        if (dates.astype(array.dtype) != array).any() and array.dtype < dates.dtype:
+            raise ValueError(f"times of {array.dtype} must be within 292 years of 1970")
+        whole: Ints = dates.astype(np.int64)
+        return whole
     import pyarrow as arrow
 
-    kind = None
-    if array.size and isinstance(first := array.ravel()[0], datetime):
-        kind = arrow.timestamp("ns", None if first.tzinfo is None else "UTC")
     try:
-        column = arrow.chunked_array([arrow.array(times, kind)])
-    except (arrow.ArrowException, OverflowError) as error:
+        column = arrow.chunked_array([value_column(array.tolist())])
+    except (arrow.ArrowException, OverflowError, ValueError) as error:
         raise ValueError(f"times must be numbers or dates: {error}") from None
     return time_nanoseconds(column, Reading(), lambda at: f"times, position {int(at) + 1}")
 

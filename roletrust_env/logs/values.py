@@ -3,6 +3,7 @@
 import re
 import unicodedata
 from collections.abc import Callable, Mapping
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,6 @@ _EXACT = 2**53
 """Whole numbers below are exact as float64."""
 
 _NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
-_WHOLE = r"^-?\d+(\.0)?$"
 _NANOSECONDS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
 _DATE = "2024-01-31T12:00:00Z"
 _SWAPPED = str.maketrans(",.", ".,")
@@ -42,23 +42,37 @@ def is_missing(column: Any, missing: tuple[str, ...]) -> npt.NDArray[np.bool_]:
     from pyarrow import compute
 
     gone = compute.is_null(column, nan_is_null=True)
-    if missing and is_text(column):
-        texts = compute.utf8_trim_whitespace(column.cast(arrow.string()))
-        gone = compute.or_(gone, compute.is_in(texts, arrow.array(missing, arrow.string())))
+    texts = [text.strip() for text in missing]
+    if texts and is_text(column):
+        trimmed_texts = compute.utf8_trim_whitespace(column)
+        gone = compute.or_(gone, compute.is_in(trimmed_texts, arrow.array(texts, arrow.string())))
+    elif numbers := [float(text) for text in texts if re.fullmatch(_NUMBER, text)]:
+        kinds = arrow.types
+        if kinds.is_integer(column.type) or kinds.is_floating(column.type):
+            values = column.cast(arrow.float64(), safe=False)
+            gone = compute.or_(gone, compute.is_in(values, arrow.array(numbers)))
     flags: npt.NDArray[np.bool_] = compute.fill_null(gone, True).to_numpy()
     return flags
 
 
 def is_text(column: Any) -> bool:
-    """Return whether a column of pyarrow has texts, also coded ones."""
+    """Return whether a column of pyarrow has texts."""
     import pyarrow as arrow
 
-    kind = column.type.value_type if arrow.types.is_dictionary(column.type) else column.type
-    return bool(
-        arrow.types.is_string(kind)
-        or arrow.types.is_large_string(kind)
-        or arrow.types.is_string_view(kind)
-    )
+    return bool(arrow.types.is_string(column.type))
+
+
+def plain_column(column: Any) -> Any:
+    """Return a column of pyarrow without codes, and with texts of the type `string`."""
+    import pyarrow as arrow
+
+    kinds = arrow.types
+    kind = column.type.value_type if kinds.is_dictionary(column.type) else column.type
+    texts = kinds.is_string(kind) or kinds.is_large_string(kind) or kinds.is_string_view(kind)
+    if kinds.is_dictionary(column.type):  # a library may have codes that cannot be cast
+        values = column.to_pylist()
+        return arrow.chunked_array([arrow.array(values, arrow.string() if texts else kind)])
+    return column.cast(arrow.string()) if texts else column
 
 
 def name_codes(columns: list[Any], what: list[str], row: Row) -> tuple[Any, list[Ints]]:
@@ -88,8 +102,6 @@ def name_codes(columns: list[Any], what: list[str], row: Row) -> tuple[Any, list
         coded = arrow.concat_arrays(coded.chunks)
     names, codes = coded.dictionary, coded.indices.to_numpy().astype(np.int64)
     clean = compute.utf8_normalize(compute.utf8_trim_whitespace(names), form="NFC")
-    if len(clean) and compute.all(compute.match_substring_regex(clean, _WHOLE)).as_py():
-        clean = compute.replace_substring_regex(clean, r"\.0$", "")
     _check_names(clean, codes, [len(column) for column in columns], what, row)
     if not clean.equals(names):
         joined = clean.dictionary_encode()
@@ -123,7 +135,7 @@ def _check_names(names: Any, codes: Ints, sizes: list[int], what: list[str], row
     from pyarrow import compute
 
     length = compute.binary_length(names).to_numpy()
-    marked = compute.match_substring(names, "\ufeff").to_numpy(zero_copy_only=False)
+    marked = compute.match_substring_regex(names, "[\ufeff\0]").to_numpy(zero_copy_only=False)
     wrong = (length == 0) | (length > LONGEST) | marked
     if not wrong.any():
         return
@@ -133,8 +145,8 @@ def _check_names(names: Any, codes: Ints, sizes: list[int], what: list[str], row
     why = "is missing"
     if name:
         why = f"has {len(name.encode()):,} bytes; at most {LONGEST:,} are allowed"
-    if "\ufeff" in name:
-        why = f"is {name!r}, with a byte order mark: files were joined"
+    if set(name) & {"\ufeff", "\0"}:
+        why = f"is {name!r}, with a byte order mark or a NUL: files were joined, or it is no text"
     raise ValueError(f"{row(at - sum(sizes[:side]))}: the {what[side]} {why}")
 
 
@@ -148,17 +160,16 @@ def rating_numbers(column: Any, reading: Reading, row: Row) -> Floats:
     from pyarrow import compute
 
     kinds = arrow.types
+    if kinds.is_boolean(column.type) or (reading.labels and kinds.is_integer(column.type)):
+        column = column.cast(arrow.string())
     if is_text(column):
-        texts = compute.utf8_trim_whitespace(column.cast(arrow.string()))
+        texts = compute.utf8_trim_whitespace(column)
         numbers = _text_numbers(texts, reading)
     elif (
         kinds.is_integer(column.type)
         or kinds.is_floating(column.type)
         or kinds.is_decimal(column.type)
-        or kinds.is_boolean(column.type)
     ):
-        if kinds.is_boolean(column.type):
-            column = column.cast(arrow.uint8())
         numbers = column.cast(arrow.float64(), safe=False).to_numpy()
     else:
         raise ValueError(f"{row(0)}: the rating is of type {column.type}; it must be a number")
@@ -187,7 +198,7 @@ def _text_numbers(texts: Any, reading: Reading) -> Floats:
     if isinstance(codes, arrow.ChunkedArray):
         codes = arrow.concat_arrays(codes.chunks)
     known: Mapping[str, float] = {
-        text.strip().casefold(): value for text, value in reading.labels.items()
+        trimmed(text).casefold(): value for text, value in reading.labels.items()
     }
     numbers = np.array(
         [_number(text, reading.decimal, known) for text in codes.dictionary.to_pylist()]
@@ -198,7 +209,7 @@ def _text_numbers(texts: Any, reading: Reading) -> Floats:
 
 
 def _number(text: str, decimal: str, labels: Mapping[str, float]) -> float:
-    if (label := labels.get(text.casefold())) is not None:
+    if text is not None and (label := labels.get(trimmed(text).casefold())) is not None:
         return float(label)
     plain = text.translate(_SWAPPED) if decimal == "," else text
     return float(plain) if re.fullmatch(_NUMBER, plain) else float("nan")
@@ -217,6 +228,11 @@ def time_nanoseconds(column: Any, reading: Reading, row: Row) -> Ints:
     from pyarrow import compute
 
     kinds, factor = arrow.types, _NANOSECONDS[reading.time_unit]
+    form = reading.time_format
+    if form is not None and kinds.is_integer(column.type):
+        column = column.cast(arrow.string())
+    elif form is not None and not is_text(column):
+        raise ValueError(f"{row(0)}: the time is of type {column.type}; time_format is for texts")
     if kinds.is_temporal(column.type) and not kinds.is_time(column.type):
         return _parsed(column, _dates(None), row)
     if kinds.is_integer(column.type):
@@ -227,13 +243,10 @@ def time_nanoseconds(column: Any, reading: Reading, row: Row) -> Ints:
         return _parsed(column, _decimals(factor), row)
     if not is_text(column):
         raise ValueError(f"{row(0)}: the time is of type {column.type}; it must be a time")
-    column = compute.utf8_trim_whitespace(column.cast(arrow.string()))
-    if reading.time_format is not None:
-        form = reading.time_format
-        return _parsed(
-            column, lambda part: _dates(None)(compute.strptime(part, format=form, unit="ns")), row
-        )
-    for parse in (_dates(None), _dates("UTC"), _decimals(factor)):
+    column = compute.utf8_trim_whitespace(column)
+    if form is not None:
+        return _parsed(column, _formatted(form), row)
+    for parse in (_dates(None), _dates("UTC"), _decimals(factor, reading.decimal)):
         try:
             parse(column.slice(0, 1))
         except arrow.ArrowException:
@@ -260,20 +273,43 @@ def _dates(zone: str | None) -> Parse:
     return parse
 
 
-def _decimals(factor: int) -> Parse:
-    """Return a function from decimals, also as texts, to nanoseconds."""
+def _formatted(form: str) -> Parse:
+    """Return a function from texts of a form to nanoseconds, see `datetime.strptime`."""
+    import pyarrow as arrow
+
+    epoch, microsecond = datetime(1970, 1, 1, tzinfo=UTC), timedelta(microseconds=1)
+
+    def nanoseconds(text: str) -> int:
+        moment = datetime.strptime(text, form)
+        moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
+        return (moment - epoch) // microsecond * 1000
+
+    def parse(part: Any) -> Any:
+        return arrow.array([nanoseconds(text) for text in part.to_pylist()], arrow.int64())
+
+    return parse
+
+
+def _decimals(factor: int, decimal: str = ".") -> Parse:
+    """Return a function from decimals, also as texts, to nanoseconds; seconds are rounded to the
+    microsecond, as they are where they are floats.
+    """
     import pyarrow as arrow
     from pyarrow import compute
 
     def parse(part: Any) -> Any:
         if is_text(part):
+            if decimal == ",":
+                part = compute.replace_substring(part, ".", "?")
+                part = compute.replace_substring(part, ",", ".")
             part = compute.replace_substring_regex(part, r"(\.\d{9})\d+$", r"\1")
         if factor > 1:
             part = part.cast(arrow.decimal128(25, 9))
             part = compute.multiply(part, arrow.scalar(factor, arrow.decimal128(10, 0)))
         else:
             part = part.cast(arrow.decimal128(28, 9))
-        return compute.round(part).cast(arrow.int64())
+        digits = -3 if factor == _NANOSECONDS["s"] else 0
+        return compute.round(part, ndigits=digits).cast(arrow.int64())
 
     return parse
 
@@ -294,7 +330,7 @@ def seconds_to_nanoseconds(seconds: Floats | Ints) -> Ints:
     Raises:
         ValueError: A time is not finite, or is more than 292 years from 1970.
     """
-    if not (right := np.abs(seconds) < 2**63 / 10**9).all():
+    if not (right := np.abs(seconds.astype(np.float64)) < 2**63 / 10**9).all():
         at = int(right.argmin())
         raise ValueError(
             f"times have {seconds[at]} at position {at + 1}; they must be seconds within 292 years "
@@ -317,8 +353,7 @@ def _parsed(column: Any, parse: Parse, row: Row) -> Ints:
             times: Ints = np.asarray(found.to_numpy(), np.int64)
             return times
         at = int(np.flatnonzero(is_missing(column, ()))[0])
-        why = ""
-    except errors as error:
+    except errors:
         low, high = 0, len(column)  # the first failure is at low or later, before high
         while high - low > 1:
             middle = (low + high) // 2
@@ -327,9 +362,12 @@ def _parsed(column: Any, parse: Parse, row: Row) -> Ints:
                 low = middle
             except errors:
                 high = middle
-        at, why = low, f" ({' '.join(str(error).split())[:80]})"
-    time = column[at].as_py()
+        at = low
+    try:
+        time = repr(column[at].as_py())
+    except OverflowError:
+        time = "out of range"
     raise ValueError(
-        f"{row(at)}: the time is {time!r}; it must have the same form as the first one, and be "
-        f"within 292 years of 1970{why}"
+        f"{row(at)}: the time is {time}; it must be a time of the same form as the first one, "
+        "within 292 years of 1970"
     )

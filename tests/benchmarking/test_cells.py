@@ -243,4 +243,4 @@ def test_a_choice_rule_of_another_package_is_played(
         cell = Cell("their_models:Theirs", "own", "raters", "scripts")
         result = play_cell(suite, cell, isolated=isolated)
         assert not result.failed
-        assert [row.attack for row in result.rows][0] == "honest"
+        assert next(row.attack for row in result.rows) == "honest"

@@ -7,6 +7,7 @@ import json
 import lzma
 import sqlite3
 import zipfile
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -274,6 +275,18 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], tuple[Any, ...]]] = {
     "no ratings": (HEAD, {}, ("log.csv",)),
     "a picture": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", {}, ("log.csv",)),
     "not UTF-8": (GOOD.encode() + b"\xe9,x,1,40\n", {}, (5, "0xe9", "encoding")),
+    "a date that does not exist": (
+        HEAD + "a,x,1,31.02.2024\n",
+        {"time_format": "%d.%m.%Y"},
+        (2, "31.02.2024"),
+    ),
+    "decimal commas as columns": (
+        "ann;shop;4,5;0,5\nbob;bar;3,5;0.5\n",
+        {"header": False, "decimal": ",", "columns": ("1", "2", "4")},
+        ("0.5", 2),
+    ),
+    "a line break in a name": ('"note\nmore",rater,ratee,rating\nx,a,b,1\n', {}, ("line break",)),
+    "a NUL in a name": (GOOD + "c\0,x,1,40\n" + "d,x,1,50\n", {}, ("log.csv",)),
     "an unknown encoding": (GOOD, {"encoding": "klingon"}, ("klingon",)),
 }
 
@@ -281,8 +294,11 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], tuple[Any, ...]]] = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_read_refuses(tmp_path: Path, case: str) -> None:
     content, options, words = REFUSED[case]
+    options = dict(options)
+    sides = dict(zip(("rater", "ratee", "rating"), options.pop("columns", ()), strict=False))
     own = {name: options[name] for name in ("scale", "same_agents", "rater") if name in options}
     reading = Reading(**{name: value for name, value in options.items() if name not in own})
+    own |= sides
     with refuses(ValueError, "log.csv", *words):
         read(written(tmp_path, content), **{"scale": (1, 5), **own}, reading=reading)
 
@@ -310,6 +326,48 @@ def test_nulls_are_refused(column: str) -> None:
         read(texts, scale=(1, 5))
 
 
+MIXED: dict[str, tuple[dict[str, Any], tuple[Any, ...]]] = {
+    "dates and numbers": ({"time": [datetime(2024, 1, 31), 45323]}, ("time",)),
+    "dates and times of day": ({"time": [date(2024, 1, 1), datetime(2024, 1, 1, 23)]}, ("time",)),
+    "zones": ({"time": [datetime(2024, 1, 1), datetime(2024, 1, 1, tzinfo=UTC)]}, ("time",)),
+    "numbers and booleans": ({"rating": [0.5, True]}, ("rating",)),
+    "booleans": ({"rating": [True, False]}, ("rating", "true")),
+    "objects": ({"rater": [{"id": 1}, "c"]}, ("rater",)),
+    "letters": ({"rater": "ab"}, ("rater",)),
+}
+
+
+@pytest.mark.parametrize("case", MIXED)
+def test_mixed_columns_are_refused(case: str) -> None:
+    change, words = MIXED[case]
+    with refuses(ValueError, *words):
+        read({"rater": ["a", "b"], "ratee": ["x", "y"], "rating": [0.5, 1.0], **change})
+
+
+def test_missing_and_labels_are_the_same_for_numbers_and_texts(tmp_path: Path) -> None:
+    for rating in ([5, -9], ["5", "-9"]):
+        frame = {"rater": ["a", "b"], "ratee": ["x", "x"], "rating": rating}
+        assert len(read(frame, scale=(1, 5), reading=Reading(missing=("-9",))).values) == 1
+    for rating in ([True, False], ["true", "false"]):
+        frame = {"rater": ["a", "b"], "ratee": ["x", "x"], "rating": rating}
+        reading = Reading(labels={"true": 5, "false": 1})
+        assert read(frame, scale=(1, 5), reading=reading).values.tolist() == [1, 0]
+
+
+def test_files_of_a_folder_have_the_same_columns(tmp_path: Path) -> None:
+    parquet.write_table(arrow.table(COLUMNS), tmp_path / "a.parquet")
+    parquet.write_table(arrow.table(COLUMNS).drop_columns(["time"]), tmp_path / "b.parquet")
+    with refuses(ValueError, "b.parquet", "a.parquet"):
+        read(tmp_path, scale=(1, 5))
+
+
+def test_numbers_count_to_the_microsecond_in_every_form(tmp_path: Path) -> None:
+    text = written(tmp_path, HEAD + "a,x,1,1289241911.728361234\n")
+    number = {"rater": ["a"], "ratee": ["x"], "rating": [1], "time": [1289241911.728361234]}
+    times = [read(source).times for source in (text, number)]
+    assert [each.tolist() for each in times if each is not None] == [[1289241911728361000]] * 2
+
+
 @pytest.mark.parametrize(
     "content",
     ["null", '{"rater":1}\nnull\n', "[" * 100_000, '{"a":' * 100_000, "[1, 2]", '{"rater": NaN}'],
@@ -335,6 +393,9 @@ def test_other_objects_are_refused(source: Any) -> None:
         ({"header": "maybe"}, ("header", "maybe")),
         ({"separator": ""}, ("separator",)),
         ({"missing": "NA"}, ("missing", "NA")),
+        ({"missing": None}, ("missing", "None")),
+        ({"time_format": "%H:%M"}, ("time_format", "%H:%M")),
+        ({"labels": {1: 2}}, ("labels",)),
         ({"labels": {"yes": float("nan")}}, ("yes", "nan")),
     ],
 )

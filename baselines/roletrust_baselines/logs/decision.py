@@ -98,6 +98,8 @@ def decide(log: Log, models: Mapping[str, Evaluated], seed: int = 0) -> Decision
         for k in order.tolist()
         if k == best or _interval(0.0, draws[:, k] - draws[:, best]).high >= 0
     ]
+    if len(names) == 1:
+        return Decision(standings, "", "There is one model with a forecast.")
     reason = "Its forecast is significantly better than all others."
     if len(good) > 1:
         near = ", ".join(names[k] for k in good)
@@ -123,7 +125,11 @@ def _forecasts(
     """Return the models whose trust varies, their correlations, shape (M,), and those in resamples
     of raters and ratees, shape (B, M).
     """
-    names = [name for name, model in models.items() if np.ptp(model.trust) > 0]
+    names = [
+        name
+        for name, model in models.items()
+        if np.ptp(model.trust) > 0 and np.ptp(log.values[model.ratings]) > 0
+    ]
     if not names:
         return [], np.zeros(0), np.zeros((0, 0))
     places = models[names[0]].ratings

@@ -93,10 +93,15 @@ def compare(
     ]
     models = {name: make_log_model(name) for name in model or [*central, *LOG_MODELS]}
     if synthetic:
+        if (file := logs / "ratings.csv.gz").exists():
+            raise ValueError(f"--synthetic would replace {file}; name another folder")
         prepare_folder(logs)
         logs.mkdir(parents=True, exist_ok=True)
-        write_log(logs / "ratings.csv.gz", seed)
+        write_log(file, seed)
     folders = find_logs(logs)
+    for log in folders:
+        if log.path.resolve() == (out / "comparison.csv").resolve():
+            raise ValueError(f"--out {out} would replace the log {log.path}")
     # All are read before a model plays.
     contents = [reading.log(log.path, repeats=True) for log in folders]
     protocols = Protocols(every, reading.scale, seed)

@@ -63,8 +63,9 @@ class LogOptions:
         for key in given:
             if key not in _KEYS:
                 raise ValueError(f"--read has no key {key!r}{suggest(key, _KEYS)}")
-        if isinstance(missing := given.get("missing"), str):
-            given["missing"] = (missing,)
+        missing = given.get("missing", ())
+        listed = missing if isinstance(missing, tuple | list) else [missing]
+        given["missing"] = tuple(map(str, listed))
         return Reading(**{key: _plain(value) for key, value in given.items()})
 
     def log(self, path: Path, *, repeats: bool = False) -> Log:
@@ -93,7 +94,8 @@ class LogOptions:
     def source(self) -> dict[str, Any]:
         """Return how the file is read as plain data, which a saved state keeps."""
         kept = asdict(replace(self.reading(), repeats=False))
-        return {"scale": list(self.scale), "read": {**kept, "missing": list(kept["missing"])}}
+        kept |= {"missing": list(kept["missing"]), "columns": named_columns(self.columns)}
+        return {"scale": list(self.scale), **kept}
 
 
 def named_columns(text: str) -> dict[str, Any]:

@@ -122,12 +122,14 @@ def rate(
         not (state is None and lead is None),
         out.suffix == ".parquet",
     )
-    tables = [out] if single else [out / f"{name}s.csv" for name in (*_ROLES, "suspect")]
+    folder = out.parent if single else out
+    tables = [out] if single else [out / f"{name}s.csv" for name in _ROLES]
     own = {path.resolve() for path in (ratings, state) if path}
+    targets = [path.resolve() for path in (*tables, folder / "suspects.csv")]
     for wrong, words in (
         (
-            own.intersection(path.resolve() for path in tables),
-            f"--out {out} would replace the log or the state",
+            any(own & {path, *path.parents} for path in targets),
+            f"--out {out} would write to the log or the state",
         ),
         (single and out.is_dir(), f"--out {out} is a folder; a table needs another name"),
         (trusted and state, "--trusted needs a whole log, without --state"),
@@ -147,7 +149,6 @@ def rate(
         raise ValueError(
             f"{model} has no seeds, as --trusted needs; merit-rank and personalized-pagerank have"
         )
-    folder = out.parent if single else out
     prepare_folder(folder)
     rounds: Any = {"every": every, "same_agents": reading.same_agents, "lead": lead}
     with progress_bar() as progress:

@@ -59,3 +59,8 @@ def test_decide_needs_a_forecast(log: Log) -> None:
     constant = Evaluated(np.arange(SIZE), np.full(SIZE, 0.5), None)
     assert decide(log, {"constant": constant}) is None
     assert decide(log, {}) is None
+    alone = decide(log, {"alone": model(log, 0.1)})
+    assert alone is not None
+    assert alone.recommended == ""
+    same = log._replace(values=np.full(SIZE, 0.5))
+    assert decide(same, {"one": model(log, 0.1), "other": model(log, 0.2)}) is None

@@ -4,6 +4,8 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pyarrow as arrow
+import pyarrow.parquet
 import pytest
 from command_line import printed, run
 from csv_files import csv_rows
@@ -226,14 +228,32 @@ def test_names_give_no_orders_to_the_terminal_and_no_log_or_state_is_replaced(
         "\x1b]0;ann\x07",
         "=1+1",
     }
-    assert "would replace" in run("rate", str(path), *out).output
+    assert "would write to" in run("rate", str(path), *out).output
     table = ["--out", str(tmp_path / "x.parquet")]
     assert (
-        "would replace"
+        "would write to"
         in run(
             "rate", "log.csv", "--every", "9", "--state", str(tmp_path / "x.parquet"), *table
         ).output
     )
+
+
+def test_inputs_are_not_replaced(tmp_path: Path) -> None:
+    folder = tmp_path / "log"
+    folder.mkdir()
+    arrow.parquet.write_table(arrow.table({"rater": ["a"], "ratee": ["x"], "rating": [1]}),
+                              folder / "x.parquet")  # fmt: skip
+    (folder / "suspects.csv").write_text("rater,ratee,rating\na,x,1\n")
+    (folder / "comparison.csv").write_text("rater,ratee,rating,time\na,x,1,1\n")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    for arguments in (
+        ["rate", str(folder), "--out", str(folder / "x.parquet")],
+        ["rate", str(folder), "--out", str(folder)],
+        ["rate", str(folder / "suspects.csv"), "--out", str(folder / "t.parquet")],
+        ["compare", str(folder / "comparison.csv"), "--out", str(folder)],
+    ):
+        assert run(*arguments).exit_code == 2
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
 def test_a_bad_file_leaves_older_results_as_they_are(tmp_path: Path) -> None:
