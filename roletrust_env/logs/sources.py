@@ -385,18 +385,26 @@ def _text(data: bytes, path: Path, reading: Reading) -> Source:
     if not reading.header:
         names = [str(number) for number in range(1, len(first) + 1)]
     positions = [str(position) for position in range(len(first))]
-    table = arrow_csv.read_csv(
-        arrow.BufferReader(data),
-        arrow_csv.ReadOptions(
-            column_names=positions,
-            skip_rows=skipped + reading.header,
-            block_size=1 << 24,
-        ),
-        arrow_csv.ParseOptions(delimiter=separator, newlines_in_values=b'"' in data),
-        arrow_csv.ConvertOptions(
-            column_types=dict.fromkeys(positions, arrow.string()), strings_can_be_null=False
-        ),
-    )
+
+    def parsed(threads: bool) -> Any:
+        return arrow_csv.read_csv(
+            arrow.BufferReader(data),
+            arrow_csv.ReadOptions(
+                use_threads=threads,
+                column_names=positions,
+                skip_rows=skipped + reading.header,
+                block_size=1 << 24,
+            ),
+            arrow_csv.ParseOptions(delimiter=separator, newlines_in_values=b'"' in data),
+            arrow_csv.ConvertOptions(
+                column_types=dict.fromkeys(positions, arrow.string()), strings_can_be_null=False
+            ),
+        )
+
+    try:
+        table = parsed(threads=True)
+    except arrow.ArrowInvalid:
+        table = parsed(threads=False)  # then its error has the number of the row
     named = {value: name for name, value in _NAMED.items()}.get(separator, separator)
     about = f"CSV with the separator {named}"
     return Source(table.rename_columns(names), str(path), skipped + reading.header + 1, about)

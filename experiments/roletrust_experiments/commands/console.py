@@ -23,8 +23,8 @@ _PERIOD = 10.0  # seconds
 
 Item = TypeVar("Item")
 
-console = Console(highlight=False)
-errors = Console(stderr=True, highlight=False)
+console = Console(highlight=False, emoji=False)
+errors = Console(stderr=True, highlight=False, emoji=False)
 
 
 class _ProgressLog(progress.Progress):
