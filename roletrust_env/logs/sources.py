@@ -196,7 +196,7 @@ def _open_file(path: Path, reading: Reading) -> Source:
         if suffix == ".zip" or suffix in _PACKED:
             data, about = _unpacked(path, data)
         if about in (".json", ".jsonl", ".ndjson"):
-            return Source(_json(data), str(path), 1, "JSON")
+            return Source(_json(_as_utf8(data, reading.encoding)), str(path), 1, "JSON")
         return _text(data, path, reading)
     except (arrow.ArrowException, csv.Error, sqlite3.Error, ValueError, KeyError) as error:
         raise ValueError(
@@ -298,12 +298,11 @@ def _chosen(table: str | None, known: list[str]) -> str:
 
 def _json(data: bytes) -> Any:
     """Return JSON, one object in each line or all in an array, as a table."""
-    text = data.removeprefix(codecs.BOM_UTF8)
     rows = list[Any]()
-    if text.lstrip().startswith(b"["):
-        rows = parse_json(text)
+    if data.lstrip().startswith(b"["):
+        rows = parse_json(data)
     else:
-        for number, line in enumerate(text.split(b"\n"), 1):
+        for number, line in enumerate(data.split(b"\n"), 1):
             try:
                 rows += [parse_json(line)] if line.strip() else []
             except ValueError as error:

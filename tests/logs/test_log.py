@@ -69,6 +69,11 @@ def parquet_folder(path: Path) -> None:
         parquet.write_table(table.slice(2 * part, 2 - part), folder / "data.parquet")
 
 
+JSON_LINES = "".join(
+    json.dumps(dict(zip(COLUMNS, row, strict=True))) + "\n"
+    for row in zip(*COLUMNS.values(), strict=True)
+)
+
 FILES: dict[str, Any] = {
     "log.csv": GOOD,
     "log.tsv": GOOD.replace(",", "\t"),
@@ -88,13 +93,11 @@ FILES: dict[str, Any] = {
     "log.csv.xz": lzma.compress(GOOD.encode()),
     "log.csv.bz2": bz2.compress(GOOD.encode()),
     "log.zip": zip_file,
-    "log.jsonl": "".join(
-        json.dumps(dict(zip(COLUMNS, row, strict=True))) + "\n"
-        for row in zip(*COLUMNS.values(), strict=True)
-    ),
+    "log.jsonl": JSON_LINES,
     "log.json": json.dumps(
         [dict(zip(COLUMNS, row, strict=True)) for row in zip(*COLUMNS.values(), strict=True)]
     ),
+    "utf-16.jsonl": JSON_LINES.encode("utf-16"),
     "log.parquet": lambda path: parquet.write_table(arrow.table(COLUMNS), path),
     "parts": parquet_folder,
     "log.feather": lambda path: feather.write_feather(arrow.table(COLUMNS), path),
