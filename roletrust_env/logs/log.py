@@ -155,7 +155,7 @@ def _checked(
         for column in COLUMNS
         if column in found
     }
-    kept, notes = _without_missing(opened, columns, reading)
+    kept, notes = _without_missing(columns, reading)
     row = _row_after(opened, kept)
     if not len(columns["rating"]):
         raise ValueError(f"{opened.name} has no ratings")
@@ -194,9 +194,7 @@ def _checked(
     return log._replace(notes=(f"Read as {opened.about}: {named}.", *notes, *_warnings(log)))
 
 
-def _without_missing(
-    source: Source, columns: dict[Any, Any], reading: Reading
-) -> tuple[Ints | None, list[str]]:
+def _without_missing(columns: dict[Any, Any], reading: Reading) -> tuple[Ints | None, list[str]]:
     """Leave out rows with a missing value, if texts for one are stated.
 
     Returns:

@@ -329,7 +329,7 @@ def _as_table(columns: Mapping[str, Sequence[Any]]) -> Any:
 
 
 def value_column(values: Sequence[Any]) -> Any:
-    """Return Python's values as a column of pyarrow; numbers beside texts become texts.
+    """Return Python's values as a column of pyarrow; numbers next to texts become texts.
 
     Raises:
         ValueError: The values are of several types, such as dates and numbers, or some have a time

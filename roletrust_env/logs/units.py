@@ -13,7 +13,7 @@ def check_scale(scale: tuple[float, float]) -> None:
     """Refuse a scale whose best rating is not above its worst.
 
     Raises:
-        ValueError: The scale is no pair of numbers, is empty or not finite.
+        ValueError: The scale is not a pair of finite numbers, or is empty.
     """
     if not (
         isinstance(scale, tuple | list | np.ndarray)

@@ -88,18 +88,15 @@ def name_codes(columns: list[Any], what: list[str], row: Row) -> tuple[Any, list
         The names, a column of texts; and an array of positions for each column.
 
     Raises:
-        ValueError: A column has no names, or a name is missing, is too long or contains a byte
-            order mark.
+        ValueError: A column does not hold names, or a name is missing, is too long or contains a
+            byte order mark.
     """
     import pyarrow as arrow
     from pyarrow import compute
 
     texts = [_name_texts(column, name, row) for column, name in zip(columns, what, strict=True)]
     chunks = [chunk for column in texts for chunk in column.chunks]
-    coded = arrow.chunked_array(chunks, arrow.string()).dictionary_encode()
-    coded = coded.unify_dictionaries().combine_chunks()
-    if isinstance(coded, arrow.ChunkedArray):
-        coded = arrow.concat_arrays(coded.chunks)
+    coded = _dictionary(arrow.chunked_array(chunks, arrow.string()))
     names, codes = coded.dictionary, coded.indices.to_numpy().astype(np.int64)
     clean = compute.utf8_normalize(compute.utf8_trim_whitespace(names), form="NFC")
     _check_names(clean, codes, [len(column) for column in columns], what, row)
@@ -108,6 +105,14 @@ def name_codes(columns: list[Any], what: list[str], row: Row) -> tuple[Any, list
         names, codes = joined.dictionary, joined.indices.to_numpy().astype(np.int64)[codes]
     ends = np.cumsum([len(column) for column in columns])
     return names, np.split(codes, ends[:-1])
+
+
+def _dictionary(texts: Any) -> Any:
+    """Return a column of texts as one array of positions among its different texts."""
+    import pyarrow as arrow
+
+    coded = texts.dictionary_encode().unify_dictionaries().combine_chunks()
+    return arrow.concat_arrays(coded.chunks) if isinstance(coded, arrow.ChunkedArray) else coded
 
 
 def _name_texts(column: Any, what: str, row: Row) -> Any:
@@ -194,9 +199,7 @@ def _text_numbers(texts: Any, reading: Reading) -> Floats:
             return plain
         except arrow.ArrowInvalid:  # the slower way finds the row
             pass
-    codes = texts.dictionary_encode().unify_dictionaries().combine_chunks()
-    if isinstance(codes, arrow.ChunkedArray):
-        codes = arrow.concat_arrays(codes.chunks)
+    codes = _dictionary(texts)
     known: Mapping[str, float] = {
         trimmed(text).casefold(): value for text, value in reading.labels.items()
     }

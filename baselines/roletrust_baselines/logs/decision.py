@@ -95,8 +95,8 @@ def decide(log: Log, models: Mapping[str, Evaluated], seed: int = 0) -> Decision
     ]
     good = [
         k
-        for k in order.tolist()
-        if k == best or _interval(0.0, draws[:, k] - draws[:, best]).high >= 0
+        for k, standing in zip(order.tolist(), standings, strict=True)
+        if k == best or standing.behind.high >= 0
     ]
     if len(names) == 1:
         return Decision(standings, "", "There is one model with a forecast.")

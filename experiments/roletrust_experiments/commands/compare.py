@@ -9,12 +9,7 @@ from rich.markup import escape
 
 from roletrust_baselines.logs.decision import Decision, Evaluated, decide
 from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.measures import (
-    Protocols,
-    Row,
-    markdown,
-    measure_tables,
-)
+from roletrust_baselines.logs.measures import Protocols, Row, markdown, measure_tables
 from roletrust_baselines.logs.models import LOG_MODELS, make_log_model
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
@@ -131,9 +126,7 @@ def compare(
                     write_csv(out / "comparison.csv", HEADER, rows)
             if decision := decide(content, evaluated, seed):
                 decisions[log.name] = decision
-    left_out = list(
-        dict.fromkeys(left_out)
-    )  # what a log is too small for is the same for all models
+    left_out = list(dict.fromkeys(left_out))  # some reasons are the same for all models
     if not rows:
         raise ValueError(f"nothing could be measured; {'; '.join(left_out)}")
     reasons = []

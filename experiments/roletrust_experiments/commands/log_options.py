@@ -66,7 +66,7 @@ class LogOptions:
         missing = given.get("missing", ())
         listed = missing if isinstance(missing, tuple | list) else [missing]
         given["missing"] = tuple(map(str, listed))
-        return Reading(**{key: _plain(value) for key, value in given.items()})
+        return Reading(**given)
 
     def log(self, path: Path, *, repeats: bool = False) -> Log:
         """Read a log, and print how it was read.
@@ -114,7 +114,3 @@ def named_columns(text: str) -> dict[str, Any]:
             )
         names[column.strip()] = name
     return names
-
-
-def _plain(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
