@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.suspects import SHUFFLES, alike, find_suspects, shuffled, threshold
 from roletrust_env.logs.log import Log, read
 from roletrust_env.logs.log_rounds import log_rounds
 from roletrust_env.logs.sources import Reading
+from roletrust_env.logs.suspects import SHUFFLES, alike, find_suspects, shuffled, threshold
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.key_index import Floats, Ints

@@ -2,7 +2,7 @@
 honest members it wins.
 
 The attacker's identities vouch for one another in four ways
-(`roletrust_baselines.logs.sybil_graphs`), in a synthetic community or at the end of a log of real
+(`studies.sybil_graphs`), in a synthetic community or at the end of a log of real
 ratings (`--log`). Minutes of a core.
 """
 
@@ -13,7 +13,6 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 from matplotlib.figure import Figure
 
-from roletrust_baselines.logs.sybil_graphs import SybilGraph, Topology
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.logs import read
 from roletrust_env.logs.log import Log
@@ -23,6 +22,7 @@ from roletrust_env.trust.model import registry
 from roletrust_env.trust.run import make_run
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.study import Recipe, Run, Study, mean_of, with_ends
+from studies.sybil_graphs import SybilGraph, Topology
 
 EIGENTRUST = "personalized-pagerank:alpha=0.5"
 """EigenTrust with its pre-trusted peers, the seeds."""

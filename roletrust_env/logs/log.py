@@ -22,6 +22,10 @@ from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 
 
+class TooSmallError(ValueError):
+    """A log is too small for what is measured."""
+
+
 class Pairs(NamedTuple):
     """The pairs of rater and ratee in a log.
 

@@ -12,10 +12,10 @@ from pages import refused
 from pybtex.database import parse_file
 
 import roletrust_env
-from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env import Game
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.policy import registry as attackers
+from roletrust_env.logs.models import LOG_MODELS
 from roletrust_env.metrics import Score, damage
 from roletrust_env.trust.model import registry as models
 from roletrust_env.trust.models.personal.travos import Travos

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from roletrust_baselines.logs.folders import KNOWN
-from roletrust_baselines.logs.measures import Row, measure_tables
-from roletrust_baselines.logs.models import LOG_MODELS
+from roletrust_env.logs.folders import KNOWN
+from roletrust_env.logs.measures import Row, measure_tables
+from roletrust_env.logs.models import LOG_MODELS
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.compare import HEADER
 

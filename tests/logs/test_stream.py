@@ -17,8 +17,8 @@ import pytest
 from hypothesis import given, settings
 from refusals import refuses
 
-from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env.logs import TrustStream
+from roletrust_env.logs.models import LOG_MODELS
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 

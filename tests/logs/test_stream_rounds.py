@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from refusals import refuses
 
-from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env.logs import Log, Reading, TrustStream, read
 from roletrust_env.logs.log_rounds import log_rounds, played
+from roletrust_env.logs.models import LOG_MODELS
 from roletrust_env.testing.trust_models import play_rounds
 from roletrust_env.trust import Ratings, Traits, make_trust_model, trust_models
 from roletrust_env.trust.edges import pair_keys

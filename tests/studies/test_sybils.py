@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from csv_files import csv_rows
 
-from roletrust_baselines.logs.sybil_graphs import SybilGraph
 from roletrust_env.metrics.confidence import Estimate
 from studies.study import run
+from studies.sybil_graphs import SybilGraph
 from studies.sybils import (
     BRIDGES,
     CASES,

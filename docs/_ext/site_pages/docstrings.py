@@ -21,8 +21,8 @@ from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.util.nodes import make_refnode
 
-from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env.game.policy import registry as attackers
+from roletrust_env.logs.models import LOG_MODELS
 from roletrust_env.trust.model import registry as models
 
 MARKDOWN = "## "

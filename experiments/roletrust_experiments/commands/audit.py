@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_baselines.logs.audit import (
+from roletrust_env.logs.audit import (
     SHORT,
     AuditReport,
     Comparison,
@@ -19,8 +19,8 @@ from roletrust_baselines.logs.audit import (
     audit_model,
     compare_models,
 )
-from roletrust_baselines.logs.models import make_log_model
-from roletrust_baselines.logs.ranking import ACCOUNTS, GOALS, Journal, Plan, Prices, Ranking
+from roletrust_env.logs.audit_ranking import ACCOUNTS, GOALS, Journal, Plan, Prices, Ranking
+from roletrust_env.logs.models import make_log_model
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_json, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models

@@ -7,10 +7,10 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from roletrust_baselines.logs.decision import Decision, Evaluated, decide
-from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.measures import Protocols, Row, markdown, measure_tables
-from roletrust_baselines.logs.models import LOG_MODELS, make_log_model
+from roletrust_env.logs.decision import Decision, Evaluated, decide
+from roletrust_env.logs.folders import find_logs, write_log
+from roletrust_env.logs.measures import Protocols, Row, markdown, measure_tables
+from roletrust_env.logs.models import LOG_MODELS, make_log_model
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models

@@ -14,14 +14,14 @@ import typer
 from rich.markup import escape
 from rich.progress import Progress
 
-from roletrust_baselines.logs.models import make_log_model
-from roletrust_baselines.logs.suspects import find_suspects
 from roletrust_env.logs.evidence import Evidence, Role, evidence, joined, window
 from roletrust_env.logs.explain import explain as explained
 from roletrust_env.logs.explain import find_agent
 from roletrust_env.logs.log import Log
 from roletrust_env.logs.log_rounds import numbers_of, played
+from roletrust_env.logs.models import make_log_model
 from roletrust_env.logs.stream import TrustStream
+from roletrust_env.logs.suspects import find_suspects
 from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_env.storage.tables import write_table
 from roletrust_experiments.commands.console import console, progress_bar, stage, tell

@@ -4,10 +4,10 @@ suspects.
 
 from rich.table import Table
 
-from roletrust_baselines.logs.suspects import Search
 from roletrust_env.logs.evidence import Evidence, as_dates
 from roletrust_env.logs.explain import Explanation
 from roletrust_env.logs.log import Log
+from roletrust_env.logs.suspects import Search
 from roletrust_experiments.commands.console import number_table, shown
 
 _SHOWN = 4  # ratings of a rater, and members of a group

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from roletrust_baselines.logs.models import make_log_model
+from roletrust_env.logs.models import make_log_model
 from roletrust_env.trust.service import TrustService, http_server
 from roletrust_experiments.commands.console import errors, tell
 from roletrust_experiments.commands.extras import require

@@ -6,8 +6,8 @@ from base64 import b64encode
 
 from matplotlib.figure import Figure
 
-from roletrust_baselines.logs.audit import AuditReport
-from roletrust_baselines.logs.ranking import Goal
+from roletrust_env.logs.audit import AuditReport
+from roletrust_env.logs.audit_ranking import Goal
 from roletrust_experiments.plots.style import ATTACKER, DASHES, HONEST, INK, quiet
 from roletrust_experiments.report.page import environment
 

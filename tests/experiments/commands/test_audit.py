@@ -8,7 +8,7 @@ import pytest
 from command_line import printed, run
 from refusals import assert_names
 
-from roletrust_baselines.logs.folders import write_log
+from roletrust_env.logs.folders import write_log
 
 SMALL = ["--same-agents", "--scale", "-10", "10", "--top", "2", "--targets", "1", "--budget", "6"]
 

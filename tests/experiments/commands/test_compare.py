@@ -8,7 +8,7 @@ import pytest
 from command_line import run
 from csv_files import csv_rows
 
-from roletrust_baselines.logs.folders import KNOWN, write_log
+from roletrust_env.logs.folders import KNOWN, write_log
 from roletrust_env.trust.models.central.beta_reputation import Beta
 
 SHARED = Path(__file__).parents[3].parent / "shared" / "data"

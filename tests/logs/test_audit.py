@@ -9,12 +9,11 @@ import numpy.typing as npt
 import pytest
 from refusals import refuses
 
-from roletrust_baselines.logs.audit import audit_model
-from roletrust_baselines.logs.errors import TooSmallError
-from roletrust_baselines.logs.folders import write_log
-from roletrust_baselines.logs.ranking import LAST, Journal, Plan, Prices, Ranking, Row
+from roletrust_env.logs.audit import audit_model
+from roletrust_env.logs.audit_ranking import LAST, Journal, Plan, Prices, Ranking, Row
 from roletrust_env.logs.evidence import Rank, evidence
-from roletrust_env.logs.log import Log, read
+from roletrust_env.logs.folders import write_log
+from roletrust_env.logs.log import Log, TooSmallError, read
 from roletrust_env.logs.stream import TrustStream
 from roletrust_env.trust import make_trust_model
 

@@ -17,9 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import TypeAdapter
 
-from roletrust_baselines.logs.attack_search import ROUNDING, SIMPLE, search_attacks
-from roletrust_baselines.logs.forecasts import forecasts, next_rating
-from roletrust_baselines.logs.ranking import (
+from roletrust_env.logs.audit_ranking import (
     ACCOUNTS,
     GOALS,
     ORIGINS,
@@ -31,10 +29,12 @@ from roletrust_baselines.logs.ranking import (
     Sent,
     Target,
 )
-from roletrust_baselines.logs.resampling import interval, mean_intervals
+from roletrust_env.logs.audit_search import ROUNDING, SIMPLE, search_attacks
 from roletrust_env.logs.evidence import Rank
+from roletrust_env.logs.forecasts import forecasts, next_rating
 from roletrust_env.logs.log_rounds import log_rounds
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.resampling import interval, mean_intervals
 from roletrust_env.trust.key_index import Floats
 
 SHORT = 60

@@ -414,7 +414,7 @@ LOG_MODELS: dict[str, Any] = {
     "centred-clipping": CentredClipping,
 }
 """Classes by name. Elsewhere they are written
-`roletrust_baselines.logs.models:FairnessGoodness`."""
+`roletrust_env.logs.models:FairnessGoodness`."""
 
 
 def make_log_model(name: str) -> Any:

@@ -14,12 +14,11 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import FiniteFloat, PositiveInt, TypeAdapter
 
-from roletrust_baselines.logs.errors import TooSmallError
-from roletrust_baselines.logs.replay import ACTIVE, Ending, HostileRatings
 from roletrust_env.logs.evidence import Rank, wilson_interval
 from roletrust_env.logs.explain import find_agent
-from roletrust_env.logs.log import Log
+from roletrust_env.logs.log import Log, TooSmallError
 from roletrust_env.logs.log_rounds import numbers_of
+from roletrust_env.logs.replay import ACTIVE, Ending, HostileRatings
 from roletrust_env.parameters import truth_value
 from roletrust_env.randomness import generator
 from roletrust_env.trust.edges import pair_ends, pair_keys

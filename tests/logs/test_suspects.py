@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from refusals import refuses
 
-from roletrust_baselines.logs.suspects import alike, find_suspects, shuffled
 from roletrust_env.logs.evidence import Role
 from roletrust_env.logs.explain import explain, find_agent
 from roletrust_env.logs.log import Log, read
 from roletrust_env.logs.log_rounds import numbers_of, played
 from roletrust_env.logs.stream import TrustStream
+from roletrust_env.logs.suspects import alike, find_suspects, shuffled
 from roletrust_env.trust import make_trust_model
 
 MODEL = make_trust_model("leave-one-out")

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_baselines.logs.ranking import (
+from roletrust_env.logs.audit_ranking import (
     LAST,
     MOST,
     ORIGINS,

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_baselines.logs.resampling import ranks
 from roletrust_env.logs.log import Log
 from roletrust_env.logs.log_rounds import played
+from roletrust_env.metrics.resampling import ranks
 from roletrust_env.metrics.score import ratio
 from roletrust_env.randomness import generator
 from roletrust_env.trust.edges import pair_ends, pair_keys

@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.errors import TooSmallError
-from roletrust_baselines.logs.resampling import auc, correlation, interval, mean
-from roletrust_env.logs.log import Log
+from roletrust_env.logs.log import Log, TooSmallError
 from roletrust_env.logs.log_rounds import log_rounds, play_round
 from roletrust_env.logs.rounds import spans
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.resampling import auc, correlation, interval, mean
 from roletrust_env.metrics.score import ratio
 from roletrust_env.trust.algorithms import agent_trust
 from roletrust_env.trust.key_index import Floats, Ints

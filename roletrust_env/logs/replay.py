@@ -8,12 +8,11 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.errors import TooSmallError
-from roletrust_baselines.logs.resampling import interval, mean, ranks
-from roletrust_env.logs.log import Log
+from roletrust_env.logs.log import Log, TooSmallError
 from roletrust_env.logs.log_rounds import log_rounds, play_round
 from roletrust_env.logs.rounds import spans
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.resampling import interval, mean, ranks
 from roletrust_env.randomness import generator
 from roletrust_env.trust.beta_distribution import reputation
 from roletrust_env.trust.edges import pair_keys

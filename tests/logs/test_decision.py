@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from roletrust_baselines.logs.decision import Evaluated, decide
 from roletrust_env.logs import Log, read
+from roletrust_env.logs.decision import Evaluated, decide
 
 SIZE, PEOPLE = 2000, 60
 

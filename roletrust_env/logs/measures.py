@@ -6,17 +6,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.decision import Evaluated
-from roletrust_baselines.logs.errors import TooSmallError
-from roletrust_baselines.logs.forecasts import (
+from roletrust_env.logs.decision import Evaluated
+from roletrust_env.logs.forecasts import (
     forecasts,
     next_rating,
     past_mean,
     rated_before,
     rater_forward,
 )
-from roletrust_baselines.logs.replay import Attack, Replay, Shift, replay_attacks
-from roletrust_env.logs.log import Log
+from roletrust_env.logs.log import Log, TooSmallError
+from roletrust_env.logs.replay import Attack, Replay, Shift, replay_attacks
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
 

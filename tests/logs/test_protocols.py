@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from refusals import refuses
 
-from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.forecasts import (
+from roletrust_env.logs.folders import find_logs, write_log
+from roletrust_env.logs.forecasts import (
     earlier,
     forecasts,
     next_rating,
@@ -16,9 +16,9 @@ from roletrust_baselines.logs.forecasts import (
     rated_before,
     rater_forward,
 )
-from roletrust_baselines.logs.replay import Attack, Replay, Shift, replay_attacks
-from roletrust_baselines.logs.resampling import auc, correlation, interval, mean, ranks
 from roletrust_env.logs.log import Log, read
+from roletrust_env.logs.replay import Attack, Replay, Shift, replay_attacks
+from roletrust_env.metrics.resampling import auc, correlation, interval, mean, ranks
 from roletrust_env.trust import make_trust_model
 
 MONTH = 2_592_000

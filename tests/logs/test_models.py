@@ -11,7 +11,7 @@ from hypothesis import given
 from model_cases import Matrix, Vector, assert_close, assert_matches
 from test_edges import Edges, grid_trust, logs, run_trust
 
-from roletrust_baselines.logs.models import LOG_MODELS
+from roletrust_env.logs.models import LOG_MODELS
 from roletrust_env.testing.trust_models import (
     check_batch,
     check_kinds,

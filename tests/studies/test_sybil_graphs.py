@@ -5,10 +5,10 @@ from typing import get_args
 import numpy as np
 from refusals import refuses
 
-from roletrust_baselines.logs.sybil_graphs import SybilGraph, Topology
 from roletrust_env.logs.log import Log
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.edge_run import EdgeRun
+from studies.sybil_graphs import SybilGraph, Topology
 
 NAMES = ["a", "b", "c"]
 LOG = Log(np.r_[0, 1], np.r_[1, 2], np.r_[0.9, 0.3], np.r_[5, 9], NAMES, NAMES)

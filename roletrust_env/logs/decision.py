@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.resampling import RESAMPLES
 from roletrust_env.logs.log import Log
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.resampling import RESAMPLES
 from roletrust_env.randomness import generator
 from roletrust_env.trust.key_index import Floats, Ints
 

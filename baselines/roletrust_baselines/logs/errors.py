@@ -1,5 +1,0 @@
-"""Errors of what is measured on logs."""
-
-
-class TooSmallError(ValueError):
-    """A log is too small for a protocol."""
