@@ -12,15 +12,15 @@ from collections.abc import Callable
 from functools import reduce
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
 from roletrust_env.arrays import Array, device_of, is_compiling, namespace
 from roletrust_env.shapes import (
     PairFlags,
     PerAgent,
-    PerGame,
     PerPair,
     PerProvider,
     PerRater,
-    ProviderFlags,
     Shape,
 )
 from roletrust_env.trees import SHARES
@@ -267,24 +267,12 @@ def upper_median(values: Array, present: Array) -> Array:
     """
     xp = namespace(values)
     count = xp.sum(present, axis=0)
+    if isinstance(values, np.ndarray) and values.ndim == 1:  # no sort is needed
+        middle = int(count) // 2
+        return np.partition(values[present], middle)[middle] if count > 1 else np.zeros(())
     ordered = xp.sort(xp.where(present, values, float("inf")), axis=0)
     place = xp.arange(len(values), device=device_of(values)).reshape(-1, *[1] * (values.ndim - 1))
     return xp.where(count > 1, xp.where(place == count // 2, ordered, 0.0).sum(axis=0), 0.0)
-
-
-def lower_median(pairs: Ratings, values: PerProvider, present: ProviderFlags) -> PerGame | float:
-    """Return the upper median over the providers whose values are there, at most 0: shape (...),
-    see `upper_median`.
-
-    Args:
-        pairs: Pairs that have a memory; where they are some of many, the median is over the
-            providers of all.
-        values: A value for each provider, shape (P, ...).
-        present: Whether it has one.
-    """
-    if pairs.median_of_all is not None:
-        return pairs.median_of_all(values, present)
-    return namespace(values).clip(upper_median(values, present), None, 0.0)
 
 
 def sinc(x: Array) -> Array:

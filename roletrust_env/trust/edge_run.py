@@ -1,14 +1,13 @@
 """A run of a central trust model on edges, in the memory of the pairs that met."""
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.shapes import Shape
-from roletrust_env.trees import Kind, kinds, map_kinds
+from roletrust_env.trees import Kind, arrays, kinds, map_kinds
 from roletrust_env.trust.edges import (
     check_keys,
     edge_model,
@@ -21,7 +20,6 @@ from roletrust_env.trust.edges import (
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex, staying
 from roletrust_env.trust.model import Traits, TrustModel
 from roletrust_env.trust.model_checks import needs_watching, watched_update
-from roletrust_env.trust.neighbours import Neighbourhood
 from roletrust_env.trust.ratings import Ratings, merge_repeats
 from roletrust_env.trust.stored import restoring, taken, taken_counts
 from roletrust_env.trust.trust_run import TrustRun
@@ -45,9 +43,8 @@ class EdgeRun(TrustRun):
     with pairs that met.
 
     A model whose formula is local (`local = True`: trust of an agent follows from its own ratings
-    and the trust of their raters alone) takes time in proportion to the ratings of a round, and one
-    that is `nearby` in proportion to the pairs of the providers that the raters of the round ever
-    rated, if these are few. Other models take time in proportion to all pairs that ever met.
+    and the trust of their raters alone) takes time in proportion to the ratings of a round. Other
+    models take time in proportion to all pairs that ever met.
     """
 
     def __init__(self, model: TrustModel[Any], *, one_role: bool = True) -> None:
@@ -63,7 +60,6 @@ class EdgeRun(TrustRun):
         """
         self.model, self.rounds, self._watched = edge_model(model), 0, needs_watching(model)
         self._local = Traits.of(model).local
-        self._near = Neighbourhood() if Traits.of(model).nearby else None
         self._one_role = one_role
         self._sizes: dict[Kind, int] = {"rater": 0, "provider": 0, "pair": 0, "age": 0}
         self._start = start_on_edges(model, (1, 1))
@@ -85,7 +81,6 @@ class EdgeRun(TrustRun):
     @property
     def provider_trust(self) -> Annotated[Floats, Shape("P")]:
         """The trust of each provider. See `TrustRun.provider_trust`."""
-        self._settle()
         return np.array(self.model.provider_trust(self._view(ages=False)))
 
     def play(
@@ -107,22 +102,26 @@ class EdgeRun(TrustRun):
         raters, providers, values, pair = merge_repeats(raters, providers, values, pair)
         if self._local:
             self._play_touched(raters, providers, values, pair)
-        elif self._near is None or not self._play_near(self._near, raters, values, pair):
+        else:
             self._play_all(raters, providers, values, pair)
         self.rounds += 1
 
     def skip(self, rounds: int) -> None:
-        """Play so many rounds without ratings. See `TrustRun.skip`."""
-        if self._near is not None:
-            self._near.stale = True
-        if self._local or self._near is not None:
-            self.rounds += rounds
-        else:
-            super().skip(rounds)
+        """Play so many rounds without ratings. See `TrustRun.skip`.
+
+        They are played until one of them changes nothing: then the others change nothing, either.
+        """
+        last = self.rounds + rounds
+        changes = not self._local
+        while changes and self.rounds < last:
+            before = map_kinds(lambda kind, leaf: leaf.copy(), self._view())
+            super().skip(1)
+            pairs = zip(arrays(before), arrays(self._view()), strict=True)
+            changes = not all(np.array_equal(old, new) for old, new in pairs)
+        self.rounds = last
 
     def save(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the run keeps, by name. See `TrustRun.save`."""
-        self._settle()
         counts, state = np.array([*self.shape, self.rounds]), self._view(ages=False)
         leaves = {f"state_{n}": leaf for n, (_, leaf) in enumerate(kinds(state))}
         return {"counts": counts, "pairs": self._index.keys, **leaves}
@@ -148,11 +147,9 @@ class EdgeRun(TrustRun):
         index = KeyIndex.of(keys)
         self._state, self._index, self.rounds, self._sizes = state, index, rounds, sizes
         self._check_loaded(state, left)
-        self._near = Neighbourhood() if self._near is not None else None
 
     def join(self, raters: int, providers: int) -> None:
         """Make room for so many raters and providers. See `TrustRun.join`."""
-        self._settle()
         self._make_room(raters, providers)
 
     def _make_room(self, raters: int, providers: int) -> None:
@@ -162,8 +159,6 @@ class EdgeRun(TrustRun):
 
     def remove(self, raters: Ints, providers: Ints) -> None:
         """Let agents leave. See `TrustRun.remove`."""
-        self._settle()
-        self._near = Neighbourhood() if self._near is not None else None
         if not self._one_role:
             raters = providers = np.union1d(raters, providers)
         stay = staying(self.shape[0], raters), staying(self.shape[1], providers)
@@ -230,12 +225,6 @@ class EdgeRun(TrustRun):
             providers=touched_providers.places,
             shape=(touched_raters.size, touched_providers.size),
         )
-        self._play_some(touched_raters, touched_providers, pair, ratings)
-
-    def _play_some(
-        self, touched_raters: _Touched, touched_providers: _Touched, pair: Ints, ratings: Ratings
-    ) -> None:
-        """Update some raters, providers and pairs."""
         places: dict[str, Ints | slice] = {
             "rater": slice(self._sizes["rater"])
             if touched_raters.agents is None
@@ -258,45 +247,6 @@ class EdgeRun(TrustRun):
 
         after = self._updated(map_kinds(taken, self._state), ratings)
         self._state = map_kinds(put, self._state, after)
-
-    def _play_near(self, near: Neighbourhood, raters: Ints, values: Floats, pair: Ints) -> bool:
-        """Update the raters of the round and all providers that they ever rated; return whether
-        these are few.
-        """
-        before, pairs = (
-            near.median.value,
-            near.pairs(raters, self._ends, len(self._index), self.shape),
-        )
-        if pairs is None:
-            return False
-        givers, receivers = self._ends(pairs)
-        touched_raters, touched_providers = (
-            self._touched("rater", givers),
-            self._touched("provider", receivers),
-        )
-        if touched_raters.agents is None or touched_providers.agents is None:
-            return False
-        known = Ratings(
-            None,
-            raters=touched_raters.places,
-            providers=touched_providers.places,
-            shape=(touched_raters.size, touched_providers.size),
-        )
-        slots = np.searchsorted(pairs, pair)
-        known.median_of_all = partial(near.median.put, touched_providers.agents, self.shape[1])
-        who, whom = touched_raters.places.take(slots), touched_providers.places.take(slots)
-        ratings = Ratings(
-            values, raters=who, providers=whom, shape=known.shape, pairs=known, slots=slots
-        )
-        self._play_some(touched_raters, touched_providers, pairs, ratings)
-        near.follow(before, self.shape[1])
-        return True
-
-    def _settle(self) -> None:
-        """Update the providers that no rating has touched, whose trust follows the median."""
-        if self._near is not None and self._near.stale:
-            nobody = np.zeros(0, np.int64)
-            self._play_all(nobody, nobody, np.zeros(0), nobody)
 
     def _updated(self, state: Any, ratings: Ratings) -> Any:
         """Return the state after a round; a model of another package is watched."""
@@ -324,8 +274,6 @@ class EdgeRun(TrustRun):
         if not all(self.shape):  # there is nothing to compute
             return
         known = self._known_pairs(None)
-        if self._near is not None:
-            known.median_of_all = self._near.all_providers(self.shape[1])
         ratings = Ratings(
             values,
             raters=raters,

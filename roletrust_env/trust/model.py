@@ -92,11 +92,8 @@ class Traits(NamedTuple):
         cost: Growth of time and memory with S raters and P providers, such as `"S P"` or `"S^2 P"`.
         local: Whether a round changes only agents and pairs with ratings in it, and takes nothing
             from others. Then a log of many agents is played in the time that its ratings take.
-        nearby: Whether a round changes only raters with ratings in it, the providers that these
-            ever rated, and their pairs; and takes nothing else but the pairs of these providers,
-            the trust of their raters and `lower_median`, which alone changes the trust of other
-            providers. Then few ratings among many pairs take little time, too. A round without
-            ratings must change nothing.
+        nearby: Whether a round changes the trust of its raters and of the providers that these ever
+            rated, and that of others only by a median over all providers.
         takes_peers: Whether `start` takes a second argument, `peers`, see `TrustModel.start`.
     """
 

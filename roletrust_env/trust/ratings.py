@@ -6,7 +6,6 @@ A trust model is written once, with these operations. On a grid, values of ratin
 a rating: time and memory grow with the number of ratings, not with S times P.
 """
 
-from collections.abc import Callable
 from copy import copy
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
@@ -83,8 +82,6 @@ class Ratings:
             is none; None on a grid, and if no agent has two roles.
         slots: Place of each rating's pair among the known pairs, shape (E,); None if these are the
             pairs of the round.
-        median_of_all: Function that is `lower_median` over all providers, where these are some of
-            a run; otherwise None.
         full: Whether this is a grid in which every rater rated every provider.
 
     Example:
@@ -99,8 +96,7 @@ class Ratings:
     providers: Annotated[Array, Shape("E", "whole")] | None = None
     twins: Annotated[Array, Shape("P", "whole")] | None = None
     slots: Annotated[Array, Shape("E", "whole")] | None = None
-    median_of_all: Callable[[Array, Array], float] | None = None
-    _pairs: "Ratings | None" = None  # these five are of edges alone
+    _pairs: "Ratings | None" = None  # these four are of edges alone
 
     def __init__(
         self,

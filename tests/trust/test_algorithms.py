@@ -14,6 +14,7 @@ from hypothesis.extra.numpy import arrays
 from refusals import refuses
 
 from roletrust_env.trust import agent_trust, provider_trust, rater_trust
+from roletrust_env.trust.algorithms import upper_median
 
 TOLERANCE = 1e-12
 NAMESPACES = pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
@@ -347,3 +348,17 @@ def test_shapes_that_do_not_fit_are_refused(
     with refuses(ValueError, shape) as error:
         function(game._replace(**{field: wrong}))
     assert "(2, 3, 4)" in str(error.value) or str(getattr(game, field).shape) in str(error.value)
+
+
+@given(st.lists(st.tuples(st.sampled_from([-0.5, 0.0, 0.25, 1.0]), st.booleans()), max_size=9))
+def test_the_median_of_one_game_is_that_of_a_batch_and_the_upper_of_two(
+    entries: list[tuple[float, bool]],
+) -> None:
+    values = np.array([value for value, _ in entries])
+    present = np.array([there for _, there in entries], bool)
+    chosen = sorted(values[present].tolist())
+    wanted = chosen[len(chosen) // 2] if len(chosen) > 1 else 0.0
+    assert upper_median(values, present) == wanted
+    if entries:
+        batch = upper_median(np.stack([values, values], 1), np.stack([present, present], 1))
+        assert batch.tolist() == [wanted, wanted]

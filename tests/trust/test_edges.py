@@ -15,6 +15,7 @@ from roletrust_env.trust import Mean, Ratings, Traits, TrustModel, trust_models
 from roletrust_env.trust.edge_run import EdgeRun
 from roletrust_env.trust.edges import edge_model, no_ratings, runs_on_edges, start_on_edges
 from roletrust_env.trust.model import start_model
+from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 
 CENTRAL = [name for name in trust_models() if Traits.of(named(name)).family == "central"]
 EVERY_CENTRAL = pytest.mark.parametrize("name", CENTRAL)
@@ -171,6 +172,36 @@ def test_a_local_model_in_a_round_of_few_changes_only_them(name: str) -> None:
                 np.array_equal(a[x], b[x]) for a, b, x in zip(before, after, away, strict=True)
             )
     assert_close((run.rater_trust, run.provider_trust), grid_trust(model, shape, rounds)[-1], 1e-11)
+
+
+class Counted(LeaveOneOut):
+    """Leave-one-out trust, which counts its updates."""
+
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        UPDATES.append(ratings.shape)
+        return super().update(state, ratings)
+
+
+UPDATES: list[tuple[int, int]] = []
+
+
+def test_a_pause_is_played_until_a_round_without_ratings_changes_nothing() -> None:
+    """The first one gives newcomers the prior of the model, which the ratings have lowered."""
+    run, step_by_step = EdgeRun(Counted()), EdgeRun(LeaveOneOut())
+    for one in (run, step_by_step):
+        one.play(np.arange(20), np.arange(20) % 7, np.full(20, 0.2))
+        one.join(22, 9)
+    nobody = np.zeros(0, np.int64)
+    for _ in range(5):
+        step_by_step.play(nobody, nobody, np.zeros(0))
+    before = run.provider_trust
+    UPDATES.clear()
+    run.skip(5)
+    assert UPDATES == [(22, 9)] * 2
+    assert run.rounds == step_by_step.rounds == 6
+    assert np.array_equal(run.provider_trust, step_by_step.provider_trust)
+    assert (before[7:] == 0.5).all()
+    assert (run.provider_trust[7:] < 0.3).all()
 
 
 class Watched(Mean):

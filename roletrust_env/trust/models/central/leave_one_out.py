@@ -8,9 +8,9 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.shapes import PerPair, PerProvider, PerRater
 from roletrust_env.trees import AMOUNTS, SHARES, ValueRange
-from roletrust_env.trust.algorithms import lower_median, safe_power
+from roletrust_env.trust.algorithms import safe_power, upper_median
 from roletrust_env.trust.models.central.beta_reputation import remaining
-from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Published, Ratings, weighted_mean
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Published, Ratings
 
 
 class LeaveOneOutState(NamedTuple):
@@ -102,10 +102,13 @@ class LeaveOneOut(Published):
         counts = remains * state.counts + ratings.write(none, 1.0)
         voice, above = counts / (1 + self.limit * counts), sums / (counts + TINY) - self.initial
         weights = voice * pairs.gather(state.tor, RATER)
-        base = self._base(pairs, above, voice, weights)
+        # Sums over the raters of each provider.
+        weight, said = pairs.reduce(weights, PROVIDER), pairs.reduce(weights * above, PROVIDER)
+        rated = pairs.reduce(voice, PROVIDER) > 0
+        base = self._base(said, weight, rated)
         # The view of the others: all weights and ratings of a provider, less the rater's own.
         own, apart = (1 - self.own) * weights, above - base
-        heard = xp.clip(pairs.gather(pairs.reduce(weights, PROVIDER), PROVIDER) - own, 0.0, None)
+        heard = xp.clip(pairs.gather(weight, PROVIDER) - own, 0.0, None)
         view = (pairs.gather(pairs.reduce(weights * apart, PROVIDER), PROVIDER) - own * apart) / (
             heard + self.prior
         )
@@ -113,21 +116,13 @@ class LeaveOneOut(Published):
         agreed = self.doubt + pairs.reduce(evidence * (1 - abs(apart - view)), RATER)
         agreement = xp.clip(agreed / (1 + pairs.reduce(evidence, RATER)), 0.0, 1.0)
         tor = xp.where(ratings.rated(RATER), safe_power(agreement, self.power), state.tor)
-        return LeaveOneOutState(
-            tor, self._trust(pairs, above, voice, voice * pairs.gather(tor, RATER)), sums, counts
-        )
+        weights = voice * pairs.gather(tor, RATER)
+        weight, said = pairs.reduce(weights, PROVIDER), pairs.reduce(weights * above, PROVIDER)
+        said = said + self.prior * self._base(said, weight, rated)
+        top = xp.clip(self.initial + said / (weight + self.prior), 0.0, 1.0)
+        return LeaveOneOutState(tor, top, sums, counts)
 
-    def _base(self, pairs: Ratings, above: Array, voice: Array, weights: Array) -> Array:
+    def _base(self, said: Array, weight: Array, rated: Array) -> Array:
         """Return the prior of the providers, less `initial`: shape (...), at most 0."""
-        mean = weighted_mean(pairs, above, weights, PROVIDER)
-        return self.modesty * lower_median(pairs, mean, pairs.reduce(voice, PROVIDER) > 0)
-
-    def _trust(self, pairs: Ratings, above: Array, voice: Array, weights: Array) -> Array:
-        """Return ToP, shape (P, ...), from the ratings less `initial` and the weights of the
-        pairs.
-        """
-        xp, base = namespace(above), self._base(pairs, above, voice, weights)
-        said = pairs.reduce(weights * above, PROVIDER) + self.prior * base
-        return xp.clip(
-            self.initial + said / (pairs.reduce(weights, PROVIDER) + self.prior), 0.0, 1.0
-        )
+        median = upper_median(said / (weight + TINY), rated)
+        return self.modesty * namespace(said).clip(median, None, 0.0)
