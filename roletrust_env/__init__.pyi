@@ -31,6 +31,7 @@ from roletrust_env.game.state import Actions as Actions
 from roletrust_env.game.state import Noise as Noise
 from roletrust_env.game.state import State as State
 from roletrust_env.logs import TrustStream as TrustStream
+from roletrust_env.logs import rate as rate
 from roletrust_env.randomness import Random as Random
 from roletrust_env.trust import TrustModel as TrustModel
 from roletrust_env.trust import make_trust_model as make_trust_model

@@ -3,8 +3,8 @@ http://127.0.0.1:8000`.
 
 The consumer, ann, has the tools of `roletrust mcp`. Two workers, each a process of its own,
 multiply; one of them is often wrong. Before each task ann asks how far each worker can be trusted.
-It gives the task to one that nobody has rated, else to the one with the highest lower end of the
-interval, checks the product, and rates the work.
+It gives the task to one that nobody has rated, else to the most trusted, checks the product, and
+rates the work.
 """
 
 import argparse
@@ -55,7 +55,7 @@ async def delegate(url: str, keys: Path, tasks: int, pause_s: float) -> list[str
         for task in range(tasks):
             answers = {name: (await call(trust, "ask", name=name))["provider"] for name in workers}
             best = max(
-                answers, key=lambda name: (answers[name]["ratings"] == 0, answers[name]["low"])
+                answers, key=lambda name: (answers[name]["ratings"] == 0, answers[name]["trust"])
             )
             product = await call(workers[best], "multiply", a=task, b=7)
             await call(trust, "rate", name=best, rating=float(product["result"] == task * 7))

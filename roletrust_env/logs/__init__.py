@@ -1,7 +1,8 @@
 """Real ratings: logs that the user brings, streams of ratings, and what can be measured on them."""
 
 from roletrust_env.logs.log import Log, read
+from roletrust_env.logs.rate import Rated, rate
 from roletrust_env.logs.sources import Reading
 from roletrust_env.logs.stream import TrustStream
 
-__all__ = ["Log", "Reading", "TrustStream", "read"]
+__all__ = ["Log", "Rated", "Reading", "TrustStream", "rate", "read"]

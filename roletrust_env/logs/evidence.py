@@ -2,20 +2,16 @@
 score rests.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from statistics import NormalDist
+from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.logs.log import Log, Pairs
 from roletrust_env.logs.names import NameList
 from roletrust_env.trust.edges import check_keys, pair_ends, pair_keys, pairs_left
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 from roletrust_env.trust.stored import taken
-
-_Z = NormalDist().inv_cdf(0.975)
 
 _NEVER = -(2**63)
 """Time of an agent without ratings, NumPy's NaT."""
@@ -27,9 +23,6 @@ _DATES = 10**17
 Role = Literal["ratee", "rater"]
 """Role of agents: those that are rated, the providers, or those that rate."""
 
-Rank = Literal["low", "trust"]
-"""What agents are ranked by: the lower end of the interval of trust, or trust."""
-
 
 class Evidence(NamedTuple):
     """Trust in the agents of one role, and what it rests on; all arrays have shape (n,).
@@ -37,8 +30,6 @@ class Evidence(NamedTuple):
     Attributes:
         names: Names of the agents.
         trust: Trust, in [0, 1].
-        low: Lower end of the interval of trust, see `wilson_interval`.
-        high: Upper end.
         ratings: Number of ratings.
         agents: Number of agents of the other role in these ratings: the raters of a provider.
         independent: Effective number of these, see `effective_number`.
@@ -47,55 +38,29 @@ class Evidence(NamedTuple):
 
     names: NameList
     trust: Floats
-    low: Floats
-    high: Floats
     ratings: Ints
     agents: Ints
     independent: Floats
     last: npt.NDArray[np.datetime64]
 
-    def at(self, places: Any) -> "Evidence":
-        """Return the agents at some places."""
-        return Evidence(self.names.at(places), *(column[places] for column in self[1:]))
-
-    def ranked(self, by: Rank = "low") -> "Evidence":
-        """Return the agents with the best first.
+    def ranked(self, score: Floats | None = None) -> Ints:
+        """Return the places of the agents with the best first, shape (n,).
 
         Of equals, those with the higher trust come first, then those with more ratings, then the
         first by name.
+
+        Args:
+            score: What they are ranked by, shape (n,); None for trust.
         """
         import pyarrow as arrow
         from pyarrow import compute
 
-        columns = {name: getattr(self, name) for name in (by, "trust", "ratings")}
+        first = self.trust if score is None else score
+        columns = {"score": first, "trust": self.trust, "ratings": self.ratings}
         keys = [*((name, "descending") for name in columns), ("names", "ascending")]
         order = compute.sort_indices(arrow.table({**columns, "names": self.names.column}), keys)
-        return self.at(order.to_numpy())
-
-    def table(self, role: Role, origin: Mapping[str, str]) -> Any:
-        """Return the columns as a table of pyarrow, with those of a role and of an origin, which
-        are the same for all.
-
-        Times since 1970 are dates. The agents of the other role are `raters` or `ratees`.
-
-        Args:
-            role: Role of the agents.
-            origin: Texts by column, such as the model.
-        """
-        import pyarrow as arrow
-
-        columns: dict[str, Any] = {}
-        for name, values in self._replace(last=as_dates(self.last))._asdict().items():
-            named = {"names": "name", "agents": "raters" if role == "ratee" else "ratees"}.get(
-                name, name
-            )
-            columns[named] = arrow.array(values, from_pandas=True)
-        same = np.zeros(len(self.names), np.int32)
-        for name, text in {"role": role, **origin}.items():
-            columns[name] = arrow.DictionaryArray.from_arrays(
-                same, arrow.array([text], arrow.string())
-            )
-        return arrow.table(columns)
+        places: Ints = order.to_numpy().astype(np.int64)
+        return places
 
 
 class PairCounts:
@@ -130,14 +95,30 @@ class PairCounts:
             self._last[left],
         )
 
-    def evidence(self, role: Role, names: list[Any], trust: Floats) -> Evidence:
-        """Return trust with its evidence for the agents of a role, by place."""
+    def evidence(self, role: Role, names: Sequence[Any], trust: Floats) -> Evidence:
+        """Return trust with its evidence for the agents of a role that have ratings.
+
+        Args:
+            role: Role of the agents.
+            names: Their names, by place.
+            trust: Trust in them, by place.
+        """
         size = len(self._index)
         ends, counts = pair_ends(self._index.keys)[role == "ratee"], self._counts[:size]
         last = np.full(len(names), _NEVER)
         np.maximum.at(last, ends, self._last[:size])
         ratings = np.bincount(ends, counts, len(names)).astype(np.int64)
-        return _of_pairs(names, trust, ratings, ends, counts, last)
+        agents = np.bincount(ends, minlength=len(names))
+        independent = effective_number(ends, counts, len(names))
+        known, dates = np.flatnonzero(ratings), last.view("datetime64[ns]")
+        return Evidence(
+            NameList.of(names).at(known),
+            trust[known],
+            ratings[known],
+            agents[known],
+            independent[known],
+            dates[known],
+        )
 
     def save(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that is kept, by name, for `load`."""
@@ -171,45 +152,8 @@ class PairCounts:
         self._index, self._counts, self._last = KeyIndex.of(keys), counts, last
 
 
-def evidence(log: Log, role: Role, trust: Floats, pairs: Pairs) -> Evidence:
-    """Return trust with its evidence in a log, for the agents of a role that have ratings there.
-
-    Args:
-        log: Log.
-        role: Role of the agents.
-        trust: Trust by the place of an agent among the names of the log, shape (n,).
-        pairs: Pairs of the log, see `Log.pairs`.
-    """
-    side = int(role == "ratee")
-    own, names = (log.raters, log.ratees)[side], (log.rater_names, log.ratee_names)[side]
-    last = np.full(len(names), _NEVER)
-    if log.times is not None:
-        last[own] = log.times  # ascending, so the last one stays
-    ratings = np.bincount(own, minlength=len(names))
-    return _of_pairs(names, trust, ratings, pair_ends(pairs.repeated)[side], pairs.counts, last)
-
-
-def _of_pairs(
-    names: Sequence[Any], trust: Floats, ratings: Ints, ends: Ints, counts: Ints, last: Ints
-) -> Evidence:
-    """Return the evidence of agents with ratings, from the agent and the number of ratings of pairs
-    with several.
-    """
-    import pyarrow as arrow
-
-    agents = ratings - np.bincount(ends, counts - 1, len(names)).astype(np.int64)
-    independent = effective_number(ratings, ends, counts)
-    interval = wilson_interval(trust, agents)
-    dates = last.view("datetime64[ns]")
-    found = Evidence(
-        NameList(arrow.array(names)), trust, *interval, ratings, agents, independent, dates
-    )
-    return found.at(np.flatnonzero(ratings))
-
-
-def effective_number(ratings: Ints, ends: Ints, counts: Ints) -> Floats:
-    """Return the effective number of raters of each provider, from its pairs that have several
-    ratings.
+def effective_number(ends: Ints, counts: Ints, size: int) -> Floats:
+    """Return the effective number of raters of each provider, shape (size,).
 
         n = (sum over raters i of c[i])^2 / sum over i of c[i]^2
 
@@ -219,53 +163,18 @@ def effective_number(ratings: Ints, ends: Ints, counts: Ints) -> Floats:
     all ratings, and 0 without ratings. Raters that act together count one by one.
 
     Example:
-        >>> effective_number(np.array([10, 201]), np.array([0, 0, 1]), np.array([5, 5, 200])).round(2).tolist()
-        [2.0, 1.01]
+        >>> effective_number(np.array([0, 0, 1]), np.array([5, 5, 200]), 2).tolist()
+        [2.0, 1.0]
 
     Args:
-        ratings: Number of ratings of each provider, shape (n,).
-        ends: Provider of each pair, shape (k,); of pairs with one rating all or none are given.
-        counts: Number of ratings of each pair, shape (k,).
-    """  # noqa: E501
-    total = ratings.astype(np.float64)
-    squares = total + np.bincount(ends, counts * (counts - 1.0), len(total))
+        ends: Provider of each pair of rater and provider, shape (k,).
+        counts: Number of ratings of each pair, shape (k,), at least 1.
+        size: Number of providers.
+    """
+    total, squares = (
+        np.bincount(ends, weights, size) for weights in (counts, counts * 1.0 * counts)
+    )
     return total**2 / np.maximum(squares, 1.0)
-
-
-def wilson_interval(trust: Floats, number: Floats | Ints) -> tuple[Floats, Floats]:
-    """Return the ends of Wilson's 95% interval for trust as the mean of so many raters.
-
-        low, high = (p + z^2 / 2n -+ z root(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n),   z = 1.96
-
-    Wilson, "Probable Inference, the Law of Succession, and Statistical Inference" (1927). It takes
-    p (1 - p) for the variance of a rating. No values in [0, 1] with the mean p have more, so where
-    raters agree the interval is wider than need be: an approximation on the safe side. A bootstrap
-    over raters has no width for an agent with one rater. Without raters the interval is from 0 to
-    1. For raters the ratees count, as if trust were the mean of a comparison with each.
-
-    Each rater counts once, however often it repeats itself. With `effective_number` one account
-    could lower the rank of an agent by repeating what others say; a number that no repeats lower
-    cannot be below that of the raters.
-
-    Example:
-        >>> [end.round(3).tolist() for end in wilson_interval(np.array([0.9, 0.9]), np.array([1.0, 100.0]))]
-        [[0.168, 0.826], [0.998, 0.945]]
-
-    Args:
-        trust: Trust p, shape (n,), in [0, 1].
-        number: Number n of raters, shape (n,), at least 0.
-    """  # noqa: E501
-    square = _Z**2
-    middle = (trust * number + square / 2) / (number + square)
-    half = _Z * np.sqrt(trust * (1 - trust) * number + square / 4) / (number + square)
-    return np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0)
-
-
-def joined(tables: Iterable[Any]) -> Any:
-    """Return tables of both roles as one; counts of agents of the own role are missing."""
-    import pyarrow as arrow
-
-    return arrow.concat_tables(tables, promote_options="default").unify_dictionaries()
 
 
 def window(times: Ints | None) -> dict[str, str]:

@@ -24,7 +24,7 @@ class Reason(NamedTuple):
     """A rater of the agent, or an agent that it rates.
 
     Attributes:
-        other: Place of this other agent.
+        other: Its name.
         trust: Trust in it.
         ratings: Ratings of the one by the other on [0, 1], in the order of time.
         others: Mean rating that the rated one has from all others; NaN if there are none.
@@ -32,7 +32,7 @@ class Reason(NamedTuple):
         rank: Rank of the agent without them, 1 for the most trusted.
     """
 
-    other: int
+    other: str
     trust: float
     ratings: Floats
     others: float
@@ -117,15 +117,12 @@ def explain(
         MemoryError: The model does not fit, see `make_run`.
     """
     rated = role == "ratee"
-    mine, theirs, names = (
-        (log.ratees, log.raters, log.ratee_names)
-        if rated
-        else (log.raters, log.ratees, log.rater_names)
-    )
-    pairs, own, known = log.pairs(), mine == agent, np.unique(mine)
+    raters, ratees = (log.raters, log.rater_names), (log.ratees, log.ratee_names)
+    (mine, names), (theirs, other_names) = (ratees, raters) if rated else (raters, ratees)
+    own, known = mine == agent, np.unique(mine)
 
     def trusts_after(without: Any) -> dict[Role, Floats]:
-        run = played(model, log, numbers, pairs=pairs, without=without)
+        run = played(model, log, numbers, without=without)
         return {"ratee": run.provider_trust, "rater": run.rater_trust}
 
     trusts = trusts_after(None)
@@ -154,7 +151,7 @@ def explain(
         view = float(rest.mean()) if len(rest) else float("nan")
         without = float(after[agent])
         one = Reason(
-            other,
+            other_names[other],
             float(other_trust[other]),
             log.values[these],
             view,

@@ -18,26 +18,11 @@ from roletrust_env.logs.values import (
     time_nanoseconds,
 )
 from roletrust_env.parameters import truth_value
-from roletrust_env.trust.edges import pair_keys
-from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
+from roletrust_env.trust.key_index import Floats, Ints
 
 
 class TooSmallError(ValueError):
     """A log is too small for what is measured."""
-
-
-class Pairs(NamedTuple):
-    """The pairs of rater and ratee in a log.
-
-    Attributes:
-        numbers: Number of each rating's pair: the position of the pair's first rating, shape (n,).
-        repeated: Pairs with several ratings, see `pair_keys`, ascending, shape (k,).
-        counts: Number of the ratings of each of these, shape (k,).
-    """
-
-    numbers: Ints
-    repeated: Ints
-    counts: Ints
 
 
 class Log(NamedTuple):
@@ -71,19 +56,6 @@ class Log(NamedTuple):
     def same_agents(self) -> bool:
         """True if members rate members, so that a rater and a ratee of one name are one agent."""
         return self.rater_names is self.ratee_names
-
-    def pairs(self) -> Pairs:
-        """Return the pairs of rater and ratee."""
-        keys = pair_keys(self.raters, self.ratees)
-        ordered = np.sort(keys)
-        repeated, counts = np.unique(ordered[1:][ordered[1:] == ordered[:-1]], return_counts=True)
-        places = KeyIndex.of(repeated).places(keys, add=False)
-        again = np.flatnonzero(places >= 0)
-        places, first = places[again], np.empty(len(repeated), np.int64)
-        first[places[::-1]] = again[::-1]  # the last assignment stays
-        numbers = np.arange(len(keys))
-        numbers[again] = first[places]
-        return Pairs(numbers, repeated, counts + 1)
 
 
 def read(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.logs.log import Log, Pairs
+from roletrust_env.logs.log import Log
 from roletrust_env.logs.rounds import nanoseconds, round_numbers, spans
 from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.run import make_run
@@ -52,7 +52,6 @@ def played(
     log: Log,
     numbers: Ints,
     *,
-    pairs: Pairs | None = None,
     without: npt.NDArray[np.bool_] | None = None,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> TrustRun:
@@ -62,7 +61,6 @@ def played(
         model: Trust model.
         log: Log.
         numbers: Number of the round of each rating, shape (n,), ascending.
-        pairs: Pairs of the log, if they are known.
         without: Whether each rating is left out, shape (n,). None for none.
         advance: Function that is called with the number of ratings that were played, and of all.
 
@@ -70,9 +68,8 @@ def played(
         MemoryError: The model does not fit, see `make_run`.
     """
     run = make_run(model, log.shape, one_role=not log.same_agents)
-    columns = [log.raters, log.ratees, log.values, *([] if pairs is None else [pairs.numbers])]
     for number, part in spans(numbers):
         there = slice(None) if without is None else ~without[part]
-        play_round(run, number, *(column[part][there] for column in columns))
+        play_round(run, number, *(column[part][there] for column in log[:3]))
         advance(part.stop, len(numbers))
     return run

@@ -1,6 +1,7 @@
 """Names of agents by place, as they arrive."""
 
 from collections.abc import Iterator, Sequence
+from copy import copy, deepcopy
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -22,6 +23,13 @@ class NameList(Sequence[Any]):
 
     def __init__(self, column: Any) -> None:
         self.column = column
+
+    @classmethod
+    def of(cls, names: Sequence[str]) -> "NameList":
+        """Return names as such a list."""
+        import pyarrow as arrow
+
+        return names if isinstance(names, NameList) else cls(arrow.array(names))
 
     def __len__(self) -> int:
         """Return the number of names."""
@@ -58,23 +66,44 @@ class NameIndex:
     def __init__(self, role: str) -> None:
         self.role = role
         self._numbers: KeyIndex | None = None
-        self._texts: dict[str, int] | None = None
+        self._first: NameList | None = None  # a dict of them is made when a name is looked up
+        self._known: dict[str, int] | None = None
+
+    @property
+    def _texts(self) -> dict[str, int] | None:
+        if self._first is not None:
+            self._known = dict(zip(self._first, range(len(self._first)), strict=True))
+            self._first = None
+        return self._known
 
     def __len__(self) -> int:
         """Return the number of names."""
-        return len(self._numbers or self._texts or ())
+        return len(self._first or self._numbers or self._known or ())
+
+    def begin(self, names: Any) -> None:
+        """Give places to the first names; those of a log are known to be different texts."""
+        if isinstance(names, NameList) and not len(self):
+            self._first = names
+        else:
+            self.places(self.check(names))
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "NameIndex":
+        """Return a copy; names never change."""
+        other = copy(self)
+        other._numbers, other._known = deepcopy(self._numbers, memo), copy(self._known)
+        return other
 
     @property
-    def names(self) -> list[Any]:
+    def names(self) -> Sequence[Any]:
         """The names, by place."""
-        names: list[Any] = self.stored().tolist()
-        return names
+        return self.stored().tolist() if self._first is None else self._first
 
     def stored(self) -> Names:
         """Return the names by place, shape (n,), for `restore`."""
-        if self._texts is not None:
-            return np.array(list(self._texts), object)
-        return np.zeros(0, np.int64) if self._numbers is None else self._numbers.keys
+        if self._numbers is not None:
+            return self._numbers.keys
+        texts = self._first or self._known
+        return np.zeros(0, np.int64) if texts is None else np.array(list(texts), object)
 
     def check(self, names: Any) -> Names:
         """Return names as an array, shape (n,); the index is not changed.
@@ -108,7 +137,7 @@ class NameIndex:
             "whole numbers"
             if self._numbers is not None
             else "texts"
-            if self._texts is not None
+            if self._first is not None or self._known is not None
             else kind
         )
         if kind != before:
@@ -137,7 +166,7 @@ class NameIndex:
     def expect(self, names: Names) -> None:
         """Let all names be of the type of these, which get no place yet."""
         if names.dtype == object:
-            self._texts = self._texts or {}
+            self._known = self._texts or {}
         else:
             self._numbers = self._numbers or KeyIndex()
 
@@ -186,12 +215,12 @@ class NameIndex:
         Raises:
             ValueError: A name occurs twice.
         """
-        self._numbers = self._texts = None
+        self._numbers = self._known = self._first = None
         if not len(names):
             return
         if names.dtype != object:
             self._numbers = KeyIndex.of(names)
             return
-        self._texts = dict(zip(names.tolist(), range(len(names)), strict=True))
-        if len(self._texts) < len(names):
+        self._known = dict(zip(names.tolist(), range(len(names)), strict=True))
+        if len(self._known) < len(names):
             raise ValueError("a name occurs twice")

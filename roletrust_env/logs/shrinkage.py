@@ -2,6 +2,10 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
+from roletrust_env.logs.log import Log
+from roletrust_env.metrics.score import ratio
 from roletrust_env.trust.key_index import Floats, Ints
 
 
@@ -15,6 +19,29 @@ class Shrinkage(NamedTuple):
 
     mean: float = 0.5
     weight: float = 0.0
+
+    @classmethod
+    def fitted(cls, log: Log, trust: Floats) -> "Shrinkage":
+        """Return the shrinkage that fits a log, by the method of moments of the analysis of
+        variance.
+
+        The weight is the variance of the ratings of an agent over that of agents; 0 if ratings do
+        not show that agents differ, or no agent has two.
+
+        Args:
+            log: Log.
+            trust: Trust in its ratees with ratings, shape (n,), at least one.
+        """
+        size, n = len(trust), len(log.values)
+        counts = np.bincount(log.ratees)
+        means = ratio(np.bincount(log.ratees, log.values), counts)
+        within = float(((log.values - means[log.ratees]) ** 2).sum()) / max(n - size, 1)
+        there = counts > 0
+        between = float((counts * (means - log.values.mean()) ** 2)[there].sum()) / max(size - 1, 1)
+        each = (n - float((counts**2).sum()) / n) / max(size - 1, 1)
+        variance = (between - within) / each if each else 0.0
+        weight = within / variance if variance > 0 and n > size else 0.0
+        return cls(float(trust.mean()), weight)
 
     def of(self, trust: Floats, raters: Floats | Ints) -> Floats:
         """Return the estimates of agents.

@@ -2,8 +2,9 @@
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from copy import copy, deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.errors import short
+from roletrust_env.logs.calibration import Calibration
 from roletrust_env.logs.evidence import Evidence, PairCounts, Role
-from roletrust_env.logs.names import NameIndex, Names
+from roletrust_env.logs.log import Log
+from roletrust_env.logs.log_rounds import numbers_of
+from roletrust_env.logs.names import NameIndex, NameList, Names
 from roletrust_env.logs.rounds import judged, nanoseconds, round_numbers, spans
 from roletrust_env.logs.stream_columns import (
     StreamColumns,
@@ -29,8 +33,10 @@ from roletrust_env.storage.files import clear_unfinished, locked
 from roletrust_env.storage.untrusted import parse_json
 from roletrust_env.trust.edges import edge_model
 from roletrust_env.trust.key_index import Floats, Ints, staying
+from roletrust_env.trust.outside import OutsideModel
 from roletrust_env.trust.run import make_run
 from roletrust_env.trust.stored import taken
+from roletrust_env.trust.trust_run import TrustRun
 
 
 class TrustStream:
@@ -71,6 +77,8 @@ class TrustStream:
             Otherwise it is left out, so that a batch which may have been taken can be sent again.
         source: Further settings that must be the same whenever the stream is continued, such as how
             ratings are read.
+        calibration: What is known of how far trust is from later ratings; None if nothing is. It is
+            saved with the stream.
         n_late: Number of late ratings so far.
         n_ahead: Number of ratings so far that were left out because they are ahead.
         n_repeated: Number of ratings so far that were left out because they repeat another one.
@@ -125,6 +133,7 @@ class TrustStream:
         self.lead, self.repeats = lead, truth_value("repeats", repeats)
         self.source: dict[str, Any] = parse_json(json.dumps(dict(source or {})).encode())
         self._pairs = PairCounts() if truth_value("keep_evidence", keep_evidence) else None
+        self.calibration: Calibration | None = None
         self.n_late = self.n_ahead = self.n_repeated = 0
         self.every = None if every is None else float(every)
         self._raters = NameIndex("raters")
@@ -136,7 +145,7 @@ class TrustStream:
                     f"agents are {short(repr(agents))}; they must be the raters and the providers"
                 )
             for index, names in zip((self._raters, self._providers), agents, strict=True):
-                index.places(index.check(names))
+                index.begin(names)
             shape = len(self._raters), len(self._providers)
         if not all(shape):
             edge_model(model)
@@ -147,6 +156,64 @@ class TrustStream:
             StreamColumns
         ] = []  # the ratings of the round that has begun, whose newcomers have no place yet
         self._begun = False  # whether a round has begun
+
+    @classmethod
+    def of_log(
+        cls,
+        model: Any,
+        log: Log,
+        *,
+        every: float | None = None,
+        before: Callable[[int, TrustRun], None] = lambda taken, run: None,
+        **settings: Any,
+    ) -> "TrustStream":
+        """Return a stream that has taken a whole log, whose agents are all present from the start.
+
+        Args:
+            model: Trust model.
+            log: Log.
+            every: Length of a round in seconds; None for a single round.
+            before: Function that is called before each round that has ratings, with the number of
+                ratings in earlier rounds, and the run.
+            **settings: Further arguments of the constructor.
+
+        Raises:
+            ValueError: Rounds go by time, and the log has no times, or another argument is not
+                allowed.
+            MemoryError: The model does not fit, see `make_run`.
+        """
+        numbers, names = numbers_of(log, every), (log.rater_names, log.ratee_names)
+        stream = cls(model, every=every, agents=names, same_agents=log.same_agents, **settings)
+        if log.times is not None:
+            stream._start, stream._latest = int(log.times[0]), int(log.times[-1])
+        for number, part in spans(numbers):
+            stream._run.skip(number - stream.rounds)
+            before(part.start, stream._run)
+            places, values = (log.raters[part], log.ratees[part]), log.values[part]
+            times = None if log.times is None else log.times[part]
+            if every is None or times is None or part.stop < len(numbers):
+                stream._count(*places, values, times)
+            else:
+                raters, ratees = (
+                    np.array(list(NameList.of(side).at(at)), object)
+                    for side, at in zip(names, places, strict=True)
+                )
+                stream._waiting, stream._begun = [(raters, ratees, values, times)], True
+        return stream
+
+    def finished(self) -> "TrustStream":
+        """Return a stream in which the ratings of the running round count, too; this one stays as
+        it is, unless its model runs outside, which cannot be copied.
+        """
+        if not self._begun:
+            return self
+        other = self
+        if not isinstance(self.model, OutsideModel):
+            other = copy(self)
+            parts = deepcopy((self._run, self._pairs, self._raters, self._providers))
+            other._run, other._pairs, other._raters, other._providers = parts
+        other.finish()
+        return other
 
     @property
     def rounds(self) -> int:
@@ -319,11 +386,7 @@ class TrustStream:
         """The beginning of the first round and the time of the latest rating in nanoseconds, shape
         (2,); None without times.
         """
-        return (
-            None
-            if self.every is None or self._start is None
-            else np.array([self._start, self._latest])
-        )
+        return None if self._start is None else np.array([self._start, self._latest])
 
     def evidence(self, role: Role) -> Evidence:
         """Return trust with its evidence in all rounds that have ended, for the agents of a role
@@ -357,6 +420,7 @@ class TrustStream:
             _start=self._start,
             _latest=self._latest,
             _begun=self._begun,
+            calibration=self.calibration,
             n_late=self.n_late,
             n_ahead=self.n_ahead,
             n_repeated=self.n_repeated,
@@ -460,9 +524,7 @@ class TrustStream:
         values = taken(arrays, "ratings", np.float64, who.shape)
         when = taken(arrays, "times", np.int64, who.shape)
         if self._pairs is not None:
-            self._pairs.load(
-                arrays, (len(raters), len(providers)), None if self.every is None else header.latest
-            )
+            self._pairs.load(arrays, (len(raters), len(providers)), header.latest)
         self._run.load(arrays)
         self._raters.restore(raters)
         if not self.same_agents:
@@ -473,6 +535,7 @@ class TrustStream:
                 f"{self._run.shape} belong"
             )
         self._start, self._latest, self._begun = header.start, header.latest, header.begun
+        self.calibration = header.calibration
         self.n_late, self.n_ahead, self.n_repeated = (
             header.n_late,
             header.n_ahead,
@@ -499,7 +562,7 @@ class TrustStream:
         """
         first, last = self._start, self._latest
         if self.every is None or first is None or last is None:
-            known = first is not None or last is not None or self._begun or len(times) > 0
+            known = (first is None) != (last is None) or self._begun or len(times) > 0
             if known or (self.rounds and self.every is not None):
                 raise ValueError(
                     "the time of the first or of the latest rating is missing, or there can be none"
@@ -528,7 +591,11 @@ class TrustStream:
         values: Floats,
         times: Ints | None = None,
     ) -> None:
-        who, whom = self._raters.places(raters), self._providers.places(providers)
-        self._run.play(who, whom, values)
+        places = self._raters.places(raters), self._providers.places(providers)
+        self._count(*places, values, None if self.every is None else times)
+
+    def _count(self, raters: Ints, providers: Ints, values: Floats, times: Ints | None) -> None:
+        """Play a round, by the places of the agents."""
+        self._run.play(raters, providers, values)
         if self._pairs is not None:
-            self._pairs.add(who, whom, None if self.every is None else times)
+            self._pairs.add(raters, providers, times)

@@ -8,10 +8,11 @@ import numpy.typing as npt
 from pydantic import Field, NonNegativeInt
 
 from roletrust_env.errors import short
+from roletrust_env.logs.calibration import Calibration
 from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted
 from roletrust_env.trust.stored import taken
 
-FORMAT = 6
+FORMAT = 7
 
 
 class StreamHeader(UntrustedModel):
@@ -19,11 +20,12 @@ class StreamHeader(UntrustedModel):
     stream.
     """
 
-    format: Literal[6] = 6
+    format: Literal[7] = 7
     settings: dict[str, Any]
     start: int | None = Field(alias="_start")
     latest: int | None = Field(alias="_latest")
     begun: bool = Field(alias="_begun")
+    calibration: Calibration | None
     n_late: NonNegativeInt
     n_ahead: NonNegativeInt
     n_repeated: NonNegativeInt

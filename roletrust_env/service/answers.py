@@ -85,10 +85,6 @@ class AgentTrust(_Message):
     """Trust in an agent in one role, and what it rests on."""
 
     trust: Share
-    low: Share
-    """Lower end of the 95% interval of trust."""
-    high: Share
-    """Upper end."""
     ratings: Count
     """Number of ratings that it got, or as a rater gave."""
     agents: Count
@@ -98,7 +94,7 @@ class AgentTrust(_Message):
     last: Seconds | None
     """Time of the last rating; null without ratings."""
     rank: Annotated[int, Field(ge=1)] | None
-    """Rank by the lower end, 1 for the best; null without ratings."""
+    """Rank by trust, 1 for the best; null without ratings."""
     of: Count
     """Number of agents that are ranked, also those that have left."""
 

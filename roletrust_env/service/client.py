@@ -108,7 +108,7 @@ class TrustClient:
     Example:
         >>> with TrustClient("http://127.0.0.1:8000", "ann", Path("keys")) as ann:  # doctest: +SKIP
         ...     ann.register()
-        ...     if ann.ask("bob").provider.low > 0.6:
+        ...     if ann.ask("bob").provider.trust > 0.6:
         ...         ann.rate("bob", 0.9)
     """
 

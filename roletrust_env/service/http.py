@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.metadata import version
 from itertools import chain
@@ -250,8 +250,8 @@ class Endpoints:
     def _explained(self, member: Member) -> answers.ExplainedRoles:
         provider, rater = (self._manager.explain(member, role) for role in ("ratee", "rater"))
         return answers.ExplainedRoles(
-            provider=None if provider is None else _explanation(*provider),
-            rater=None if rater is None else _explanation(*rater),
+            provider=None if provider is None else _explanation(provider),
+            rater=None if rater is None else _explanation(rater),
         )
 
 
@@ -425,10 +425,10 @@ def _wrong(error: RequestValidationError) -> str:
     )
 
 
-def _explanation(explanation: Found, names: Sequence[str]) -> answers.ExplainedTrust:
+def _explanation(explanation: Found) -> answers.ExplainedTrust:
     reasons = [
         answers.TrustReason(
-            agent=names[reason.other],
+            agent=reason.other,
             trust=reason.trust,
             ratings=reason.ratings.tolist(),
             others=None if reason.others != reason.others else reason.others,  # NaN

@@ -2,16 +2,15 @@
 else.
 """
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from sqlalchemy import Select, select
 
-from roletrust_env.logs.evidence import Evidence, Role, evidence
+from roletrust_env.logs.evidence import Evidence, Role
 from roletrust_env.logs.explain import Explanation, explain
 from roletrust_env.logs.log import Log
-from roletrust_env.logs.log_rounds import log_rounds, played
+from roletrust_env.logs.log_rounds import log_rounds
 from roletrust_env.logs.names import NameIndex
 from roletrust_env.logs.rounds import MOST, nanoseconds, round_numbers
 from roletrust_env.logs.stream import TrustStream
@@ -36,19 +35,15 @@ class Standing(NamedTuple):
 
     Attributes:
         trust: Trust, in [0, 1].
-        low: Lower end of the interval of trust.
-        high: Upper end.
         ratings: Number of ratings, received or given.
         agents: Number of agents of the other role in these.
         independent: Effective number of these agents.
         last: Time of the last rating, seconds; None without ratings.
-        rank: Rank by the lower end, 1 for the best; None without ratings.
+        rank: Rank by trust, 1 for the best; None without ratings.
         of: Number of agents that are ranked.
     """
 
     trust: float
-    low: float = 0.0
-    high: float = 1.0
     ratings: int = 0
     agents: int = 0
     independent: float = 0.0
@@ -83,8 +78,9 @@ class Ranking:
     def __init__(self, trust_evidence: Evidence | None = None) -> None:
         self.names, self.trust, self._columns = list[str](), dict[str, float](), list[Any]()
         if trust_evidence is not None:
-            names, *self._columns = trust_evidence.ranked()
-            self.names = list(names)
+            order = trust_evidence.ranked()
+            self.names = list(trust_evidence.names.at(order))
+            self._columns = [column[order] for column in trust_evidence[1:]]
             self.trust = dict(zip(self.names, self._columns[0].tolist(), strict=True))
         self._places = {name: place for place, name in enumerate(self.names)}
 
@@ -236,20 +232,15 @@ class JournalTrust:
 
     def _played_all(self) -> tuple[int, dict[Role, Evidence]]:
         log = self._log()
-        pairs = log.pairs()
-        run = played(self._model, log, log_rounds(log, self._every), pairs=pairs)
-        trusts = run.provider_trust, run.rater_trust
-        return run.rounds, {
-            role: evidence(log, role, trust, pairs)
-            for role, trust in zip(_ROLES, trusts, strict=True)
-        }
+        stream = TrustStream.of_log(self._model, log, every=self._every, keep_evidence=True)
+        return self._finished(stream)
 
     def standing(self, name: str, role: Role) -> Standing:
         """Return the standing of an agent in a role."""
         return self.rankings[role].standing(name, self._newcomer[role])
 
-    def explain(self, name: str, role: Role) -> tuple[Explanation, Sequence[str]] | None:
-        """Return what makes the trust in an agent, and the names of the others by place.
+    def explain(self, name: str, role: Role) -> Explanation | None:
+        """Return what makes the trust in an agent.
 
         None if it has no ratings that count, or as a rater if the model has no trust in raters. The
         journal is played several times, which takes as long. Any thread may call it.
@@ -260,14 +251,12 @@ class JournalTrust:
         if role == "rater" and not self.rates_raters:
             return None
         log = self._log()
-        own, other = log.rater_names, log.ratee_names
-        if role == "ratee":
-            own, other = other, own
-        if name not in own or (agent := own.index(name)) not in (
-            log.ratees if role == "ratee" else log.raters
-        ):
+        names, agents = (
+            (log.ratee_names, log.ratees) if role == "ratee" else (log.rater_names, log.raters)
+        )
+        if name not in names or (agent := names.index(name)) not in agents:
             return None
-        return explain(self._model, log, log_rounds(log, self._every), role, agent), other
+        return explain(self._model, log, log_rounds(log, self._every), role, agent)
 
     def _log(self) -> Log:
         """Return the ratings that count."""

@@ -527,7 +527,7 @@ class TrustManager:
             member.identity, "rater"
         )
 
-    def explain(self, member: Member, role: Role) -> tuple[Explanation, Sequence[str]] | None:
+    def explain(self, member: Member, role: Role) -> Explanation | None:
         """Return what makes the trust in an agent, see `JournalTrust.explain`."""
         return self._trust.explain(member.identity, role)
 

@@ -136,7 +136,7 @@ def check_end(stream: TrustStream, reference: Reference) -> None:
         assert max((abs(one[name] - other[name]) for name in one), default=0.0) < 1e-12
     ratings = [rating for some in reference.finish() for rating in some]
     for side, role in enumerate(get_args(Role)[::-1]):
-        names, _, _, _, *columns = stream.evidence(role)
+        names, _, *columns = stream.evidence(role)
         wanted = {
             name: _counted([one for one in ratings if one[side] == name], 1 - side)
             for name in found[side]

@@ -119,7 +119,7 @@ def test_what_is_no_saved_stream_is_refused(tmp_path: Path) -> None:
     whole = path.read_bytes()
     with np.load(path) as stored:
         arrays = dict(stored)
-    header = bytes(arrays["header"]).replace(b'"format": 6', b'"format": 9')
+    header = bytes(arrays["header"]).replace(b'"format": 7', b'"format": 9')
     changes: dict[str, Any] = {
         "state_0": arrays["state_0"] + 7,
         "state_1": arrays["state_1"] * np.nan,
@@ -138,7 +138,7 @@ def test_what_is_no_saved_stream_is_refused(tmp_path: Path) -> None:
                 TrustStream.load(path, model)
     del arrays["sha256"]
     save_arrays(path, {**arrays, "header": np.frombuffer(header, np.uint8)})
-    with refuses(ValueError, "9", "6"):
+    with refuses(ValueError, "9", "7"):
         TrustStream.load(path, model)
     del arrays["header"]
     save_arrays(path, arrays)

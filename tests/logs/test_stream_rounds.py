@@ -10,12 +10,11 @@ import pytest
 from hypothesis import given, settings
 from refusals import refuses
 
-from roletrust_env.logs import Log, Reading, TrustStream, read
-from roletrust_env.logs.log_rounds import log_rounds, played
+from roletrust_env.logs import Reading, TrustStream, read
+from roletrust_env.logs.log_rounds import numbers_of, played
 from roletrust_env.logs.models import LOG_MODELS
 from roletrust_env.testing.trust_models import play_rounds
 from roletrust_env.trust import Ratings, Traits, make_trust_model, trust_models
-from roletrust_env.trust.edges import pair_keys
 
 CENTRAL = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]
 EVERY = 10.0
@@ -102,7 +101,7 @@ def rated(
         return [{}, {}]
     columns = dict(zip(("rater", "ratee", "rating", "time"), zip(*some, strict=True), strict=True))
     log = read(columns, same_agents=same_agents, reading=Reading(repeats=True))
-    run = played(model, log, log_rounds(log, EVERY), pairs=log.pairs())
+    run = played(model, log, numbers_of(log, EVERY))
     if until < np.inf:
         run.skip(round((until - min(one[3] for one in some)) / EVERY) - run.rounds)
     names = log.rater_names, log.ratee_names
@@ -112,20 +111,35 @@ def rated(
     ]
 
 
-@pytest.mark.parametrize("name", ["role-trust", "mean", "eigentrust"])
-def test_pairs_that_are_known_change_no_number(name: str) -> None:
-    """Also where they repeat in a round; a local model then looks none of them up."""
-    random, size, names = np.random.default_rng(0), 300, [str(n) for n in range(9)]
-    who, whom = random.integers(0, 9, (2, size))
-    log = Log(who, whom, random.random(size), None, names, list(names))
-    numbers, model, pairs = np.arange(size) // 20, make_trust_model(name), log.pairs()
-    one, other = played(model, log, numbers), played(model, log, numbers, pairs=pairs)
-    assert np.array_equal(one.rater_trust, other.rater_trust)
-    assert np.array_equal(one.provider_trust, other.provider_trust)
-    keys, counts = np.unique(pair_keys(who, whom), return_counts=True)
-    assert dict(zip(pairs.repeated, pairs.counts, strict=True)) == {
-        key: count for key, count in zip(keys, counts, strict=True) if count > 1
-    }
+@pytest.mark.parametrize("every", [None, EVERY])
+@pytest.mark.parametrize("name", ["leave-one-out", "eigentrust", "travos"])
+def test_a_stream_of_a_log_goes_on_where_the_log_ends(
+    name: str, every: float | None, tmp_path: Path
+) -> None:
+    """All agents of the log are present from the start, and a saved one goes on, too."""
+    random, size = np.random.default_rng(0), 300
+    people = random.integers(0, 9, (2, size)).astype(str)
+    times = np.sort(random.integers(0, 100, size)).astype(float)
+    columns = dict(zip(("rater", "ratee"), people, strict=True), rating=random.random(size))
+    log = read(columns | {"time": times}, reading=Reading(repeats=True))
+    model = make_trust_model(name)
+    settings: dict[str, Any] = {"every": every, "keep_evidence": True}
+    agents = log.rater_names, log.ratee_names
+    run = played(model, log, numbers_of(log, every))
+    stream = TrustStream.of_log(model, log, **settings)
+    stream.save(tmp_path / "state.npz")
+    loaded = TrustStream.load(tmp_path / "state.npz", model, agents=agents, **settings)
+    for one in (stream.finished(), loaded.finished()):
+        assert list(one.provider_trust().values()) == run.provider_trust.tolist()
+        assert list(one.rater_trust().values()) == run.rater_trust.tolist()
+        found = one.evidence("ratee")
+        assert found.ratings.sum() == size
+        assert found.last.max().astype(int) == times.max() * 1e9
+    assert (stream.rounds == run.rounds) == (every is None)
+    later = [1e4] if every else None
+    for one in (stream, loaded):
+        one.update(["0"], ["1"], [1.0], later)
+    assert stream.provider_trust() == loaded.provider_trust()
 
 
 def test_members_of_a_round_that_has_not_ended_are_not_listed() -> None:

@@ -6,7 +6,6 @@ import random
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -141,20 +140,18 @@ def check_export(path: Path, raters: list[Rater]) -> int:
 
 
 def check_rate(folder: Path, agents: list[dict[str, Any]]) -> None:
-    """Check that `roletrust rate` has the same trust, evidence and order of the export."""
+    """Check that `roletrust rate` has the same trust and evidence of the export."""
     options = "--model", "role-trust", "--every", "1", "--same-agents", "--out", str(folder)
     printed("rate", folder / "export.csv", *options)
     for role, file, others in (
         ("provider", "ratees.csv", "raters"),
         ("rater", "raters.csv", "ratees"),
     ):
-        ours = sorted(
-            (one[role] | {"name": one["name"]} for one in agents if one[role]["rank"]),
-            key=itemgetter("rank"),
-        )
-        found = csv_rows(folder / file)
-        assert [one["name"] for one in ours] == [row["name"] for row in found]
-        for one, row in zip(ours, found, strict=True):
+        ours = {one["name"]: one[role] for one in agents if one[role]["rank"]}
+        found = {row["name"]: row for row in csv_rows(folder / file)}
+        assert ours.keys() == found.keys()
+        for name, row in found.items():
+            one = ours[name]
             assert (one["ratings"], one["agents"]) == (int(row["ratings"]), int(row[others]))
-            for field in ("trust", "low", "high", "independent"):
+            for field in ("trust", "independent"):
                 assert f"{one[field]:.6f}" == row[field]

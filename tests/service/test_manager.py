@@ -18,15 +18,13 @@ from sqlalchemy import text
 
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.logs import TrustStream, read
-from roletrust_env.logs.evidence import evidence
-from roletrust_env.logs.log_rounds import log_rounds, played
+from roletrust_env.logs.rate import ROLES, rate
 from roletrust_env.logs.rounds import MOST
 from roletrust_env.service import journal_trust
 from roletrust_env.service.manager import TrustManager
 from roletrust_env.service.requests import RefusedError, Request
 from roletrust_env.service.store import JournalStore, StoreError
 from roletrust_env.service.tokens import Rating, Registration, key_as_text, sign_token
-from roletrust_env.trust import make_trust_model
 
 
 def joined(manager: OneByOne, clock: Clock, *names: str) -> list[Agent]:
@@ -58,13 +56,13 @@ def as_rated(manager: OneByOne, path: Path, model: str) -> None:
     path.write_text("".join(manager.export(counted=True)))
     settings = manager.settings
     log = read(path, scale=settings.scale, same_agents=settings.same_agents)
-    run = played(make_trust_model(model), log, log_rounds(log, settings.every))
-    for role, trust in (("ratee", run.provider_trust), ("rater", run.rater_trust)):
-        wanted = evidence(log, role, trust, log.pairs()).ranked()
-        found = manager._trust.rankings[role]
-        assert found.names == list(wanted.names)
+    rated = rate(log, model=model, every=settings.every)
+    for role in ROLES:
+        wanted = rated.evidence(role)
+        found, order = manager._trust.rankings[role], wanted.ranked()
+        assert found.names == list(wanted.names.at(order))
         for name, one, other in zip(wanted._fields[1:], wanted[1:], found._columns, strict=True):
-            one, other = (np.asarray(each).astype(float) for each in (one, other))
+            one, other = (np.asarray(each).astype(float) for each in (one[order], other))
             np.testing.assert_allclose(other, one, rtol=0, atol=1e-12, err_msg=name)
 
 

@@ -88,6 +88,19 @@ def stage(
     return lambda done, total=total: bar.update(task, completed=done, total=total)
 
 
+def stages(bar: progress.Progress) -> Callable[[str, float], None]:
+    """Return a function of what is done, and of the share of it that is done, which shows it."""
+    shown_stage, advance = "", stage(bar, "", 1.0)
+
+    def show(what: str, share: float) -> None:
+        nonlocal shown_stage, advance
+        if what != shown_stage:
+            shown_stage, advance = what, stage(bar, what, 1.0)
+        advance(share)
+
+    return show
+
+
 def tracked(bar: progress.Progress, description: str, items: Sequence[Item]) -> Iterator[Item]:
     """Iterate over some items, as a `stage` of the work."""
     advance = stage(bar, description, len(items))

@@ -1,6 +1,6 @@
 """Options by which commands read a log of ratings."""
 
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -79,23 +79,23 @@ class LogOptions:
             ValueError: See `roletrust_env.logs.read`.
             OSError: The file cannot be read.
         """
-        reading = self.reading()
-        log = read_log(
-            path,
-            **named_columns(self.columns),
-            scale=self.scale,
-            same_agents=self.same_agents,
-            reading=replace(reading, repeats=reading.repeats or repeats),
-        )
+        arguments = self.arguments()
+        reading = arguments["reading"]
+        arguments["reading"] = replace(reading, repeats=reading.repeats or repeats)
+        log = read_log(path, **arguments)
         for note in log.notes:
             tell(note)
         return log
 
-    def source(self) -> dict[str, Any]:
-        """Return how the file is read as plain data, which a saved state keeps."""
-        kept = asdict(replace(self.reading(), repeats=False))
-        kept |= {"missing": list(kept["missing"]), "columns": named_columns(self.columns)}
-        return {"scale": list(self.scale), **kept}
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of `roletrust_env.logs.read`.
+
+        Raises:
+            ValueError: See `reading` and `named_columns`.
+        """
+        columns = named_columns(self.columns)
+        settings = {"scale": self.scale, "same_agents": self.same_agents}
+        return {**columns, **settings, "reading": self.reading()}
 
 
 def named_columns(text: str) -> dict[str, Any]:

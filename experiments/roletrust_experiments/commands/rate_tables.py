@@ -1,44 +1,55 @@
-"""Tables of `roletrust rate` for a terminal of 80 columns: a ranking, an explanation, and
-suspects.
-"""
+"""Tables of `roletrust rate` for a terminal of 80 columns."""
+
+from typing import Any
 
 from rich.table import Table
 
-from roletrust_env.logs.evidence import Evidence, as_dates
+from roletrust_env.logs.calibration import Calibration
+from roletrust_env.logs.evidence import Role
 from roletrust_env.logs.explain import Explanation
 from roletrust_env.logs.log import Log
 from roletrust_env.logs.suspects import Search
 from roletrust_experiments.commands.console import number_table, shown
 
 _SHOWN = 4  # ratings of a rater, and members of a group
+_ENDS = 5  # agents at either end of a ranking
 
 
-def ranking_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
-    """Return the agents at both ends of a ranking as a table of 80 columns."""
-    size, others = len(ranked.names), "raters" if role == "ratee" else "ratees"
-    title = f"Trust in {size:,} {role}s, ranked by {'its lower end' if rank == 'low' else 'trust'}"
+def ranking_table(found: Any, role: Role) -> Table:
+    """Return the agents at both ends of a table of `Rated` as one of 80 columns."""
+    size, others = len(found), "raters" if role == "ratee" else "ratees"
+    scores = ["trust", "estimate", "interval"] if role == "ratee" else ["trust"]
     table = number_table(
-        title, "", "rank", "trust", "interval", "ratings", others, "indep.", "last"
+        f"Trust in {size:,} {role}s", "", "rank", *scores, "ratings", others, "last"
     )
-    ends = list(dict.fromkeys([*range(min(top, size)), *range(max(0, size - top), size)]))
-    part = ranked.at(ends)
-    for place, row in zip(
-        ends, zip(*part._replace(last=as_dates(part.last)), strict=True), strict=True
-    ):
-        agent, trust, low, high, ratings, number, independent, last = row
-        interval = "-" if low != low else f"{low:.2f} {high:.2f}"  # NaN
-        when = "-" if last != last else f"{last!s:.10}"
-        counts = f"{ratings:,}", f"{number:,}", f"{independent:.1f}"
-        table.add_row(shown(agent), f"{place + 1:,}", f"{trust:.4f}", interval, *counts, when)
-        if place == top - 1 and len(ends) < size:
+    ends = list(dict.fromkeys([*range(min(_ENDS, size)), *range(max(0, size - _ENDS), size)]))
+    for place, row in zip(ends, found.take(ends).to_pylist(), strict=True):
+        cells = [f"{place + 1:,}", f"{row['trust']:.4f}"]
+        if role == "ratee":
+            interval = "-" if row["low"] is None else f"{row['low']:.2f} {row['high']:.2f}"
+            cells += [f"{row['estimate']:.4f}", interval]
+        last = "-" if row["last"] is None else f"{row['last']!s:.10}"
+        table.add_row(shown(row["name"]), *cells, f"{row['ratings']:,}", f"{row[others]:,}", last)
+        if place == _ENDS - 1 and len(ends) < size:
             table.add_row("...")
     return table
 
 
-def explanation_table(explanation: Explanation, log: Log, scale: tuple[float, float]) -> Table:
+def calibration_table(calibration: Calibration) -> Table:
+    """Return how many later means intervals covered in the past of a log, by number of raters."""
+    title = f"Intervals covered {calibration.coverage:.0%} of later means"
+    table = number_table(title, "", "later means", "covered", "from", "to", name="raters")
+    for group in calibration.groups:
+        covered = "-" if group.coverage is None else f"{group.coverage:.0%}"
+        ends = f"{group.low:+.2f}", f"{group.high:+.2f}"
+        table.add_row(f"{group.raters} or more", f"{group.agents:,}", covered, *ends)
+    return table
+
+
+def explanation_table(explanation: Explanation, scale: tuple[float, float]) -> Table:
     """Return what makes the trust in an agent, with ratings on their scale."""
     rated, (worst, best) = explanation.role == "ratee", scale
-    names, other = (log.rater_names, "rater") if rated else (log.ratee_names, "ratee")
+    other = "rater" if rated else "ratee"
     title = (
         f"Trust in the {explanation.role} {shown(explanation.name)}: {explanation.trust:.4f}, rank "
         f"{explanation.rank:,} by trust"
@@ -57,7 +68,7 @@ def explanation_table(explanation: Explanation, log: Log, scale: tuple[float, fl
         last = ", ".join(["..."] * (len(ratings) > _SHOWN) + values)
         view = f"{worst + others * (best - worst):.3g}" if others == others else "-"  # NaN
         trusts = f"{trust:.3f}", f"{without:.4f}", f"{without - explanation.trust:+.4f}"
-        table.add_row(shown(names[agent]), last, view, *trusts, f"{rank:,}")
+        table.add_row(shown(agent), last, view, *trusts, f"{rank:,}")
     return table
 
 
