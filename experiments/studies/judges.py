@@ -29,7 +29,7 @@ import numpy as np
 import pandas as pd
 from crowdkit.aggregation import MACE, DawidSkene
 
-from roletrust_env.logs.measures import interval_text
+from roletrust_env.logs.compare import interval_text
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import make_trust_model

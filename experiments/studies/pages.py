@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from roletrust_env.logs import write_log
 from studies.study import Recipe, Study
 
 
@@ -94,10 +95,11 @@ COMMANDS = {
     "learners": ["benchmark --suite learners-coalitions --out {out}"],
     "optimum": ["benchmark --suite learners-optimum --out {out}"],
     "audit": [
-        "compare {out}/log --synthetic --model leave-one-out --out {out}/rate",
-        "audit {out}/log/ratings.csv.gz --same-agents --scale -10 10 --out {out}/audit",
+        "audit {out}/log.csv.gz --same-agents --scale -10 10 --out {out}/audit",
     ],
-    "real": [f"compare {{logs}} {_OTC} --scale -10 10 --same-agents --out {{out}}"],
+    "real": [
+        f"compare {{logs}}/bitcoin-otc/otc_network.csv.gz {_OTC} --scale -10 10 --same-agents --out {{out}}"
+    ],
     "colluders": ["train CollusionAttack --stealth-weight 2 --runs 5 --out {out}/runs"],
     "universal": [
         f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}]"
@@ -148,6 +150,9 @@ def main(study: Study[Options]) -> None:
     """Run the commands of a recipe."""
     if study.again:
         shutil.rmtree(study.out, ignore_errors=True)
+    if study.recipe == "audit":
+        study.out.mkdir(parents=True, exist_ok=True)
+        write_log(study.out / "log.csv.gz")
     places: dict[str, str | Path] = {"out": study.out, "logs": study.options.logs}
     for line in COMMANDS[study.recipe]:
         words = [word.format(**places) if "{role" not in word else word for word in line.split()]

@@ -1,13 +1,11 @@
 """What is measured on logs of ratings: each measure against a slow count, and on logs whose answer
 is known."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from refusals import refuses
 
-from roletrust_env.logs.folders import find_logs, write_log
+from roletrust_env.logs import write_log
 from roletrust_env.logs.forecasts import (
     earlier,
     forecasts,
@@ -186,12 +184,3 @@ def test_a_log_without_enough_rounds_or_agents_is_refused(log: Log) -> None:
     few = small_log([(n % 3, 3, 1.0, n * 10) for n in range(20)])
     with refuses(ValueError, "20", "10", "5"):
         Replay(model, few, 10, same_agents=True)
-
-
-def test_folders_without_logs_say_what_a_log_is(tmp_path: Path) -> None:
-    with refuses(ValueError, "snap.stanford.edu"):
-        find_logs(tmp_path)
-    (tmp_path / "inner").mkdir()
-    write_log(tmp_path / "inner" / "ratings.csv.gz")
-    (tmp_path / "answer.csv").write_text("no log")
-    assert [found.name for found in find_logs(tmp_path)] == ["inner/ratings.csv.gz"]

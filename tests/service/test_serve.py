@@ -17,7 +17,7 @@ from refusals import assert_names
 from signing_agents import NAME, Agent
 from typer.testing import CliRunner
 
-from roletrust_env.logs.folders import write_log
+from roletrust_env.logs import write_log
 from roletrust_experiments.cli import app
 
 COMMAND = [sys.executable, "-c", "from roletrust_experiments import main; main()"]

@@ -10,13 +10,11 @@ import typer
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_settings
 from roletrust_env.logs.columns import COLUMNS
+from roletrust_env.logs.compare import MONTH as MONTH
 from roletrust_env.logs.log import Log
 from roletrust_env.logs.log import read as read_log
 from roletrust_env.logs.sources import Reading
 from roletrust_experiments.commands.console import tell
-
-MONTH = 2_592_000.0
-"""Length of a round, 30 days in seconds."""
 
 _KEYS = tuple(field.name for field in fields(Reading))
 
