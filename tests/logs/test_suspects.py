@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from refusals import refuses
 
+from roletrust_env.logs import suspects
 from roletrust_env.logs.evidence import Role
 from roletrust_env.logs.explain import explain, find_agent
 from roletrust_env.logs.log import Log, read
-from roletrust_env.logs.log_rounds import numbers_of, played
+from roletrust_env.logs.log_rounds import played
 from roletrust_env.logs.stream import TrustStream
-from roletrust_env.logs.suspects import alike, find_suspects, shuffled
+from roletrust_env.logs.suspects import alike, find_suspects
 from roletrust_env.trust import make_trust_model
 
 MODEL = make_trust_model("leave-one-out")
@@ -32,28 +33,77 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
     return read(path, scale=(1, 5))
 
 
-def test_a_ring_is_found_and_moves_ranks(log: Log) -> None:
-    mean, numbers = make_trust_model("mean"), numbers_of(log, None)
-    found = find_suspects(mean, log, numbers, shuffles=3)
-    assert (len(found.groups), found.shuffles, found.false_groups) == (1, 3, 0)
-    group = found.groups[0]
+def test_a_ring_is_found_far_from_others(log: Log) -> None:
+    advanced = []
+    found = find_suspects(log, shuffles=3, advance=lambda *done: advanced.append(done))
+    assert found[1:] == (3, 0.0, 0.0)
+    assert advanced == [(1, 3), (2, 3), (3, 3)]
+    [group] = found.groups
     assert [log.rater_names[place] for place in group.raters] == [f"ring{n}" for n in range(RING)]
     assert {log.ratee_names[place] for place in group.ratees} == {f"s{shop}" for shop in SHOPS}
     assert group.p == 0.25
-    assert group.shift > max(0.2, group.chance)
-    known = np.isin(log.raters, group.raters)
-    rest = log._replace(
-        **{name: getattr(log, name)[~known] for name in ("raters", "ratees", "values")}
+    distances = []
+    for ratee in group.ratees:
+        theirs = np.isin(log.raters, group.raters)
+        of_ratee = log.ratees == ratee
+        distances.append(1 - log.values[of_ratee & ~theirs].mean())
+    assert group.apart == pytest.approx(np.mean(distances))
+    assert find_suspects(log, shuffles=3, seed=1).groups[0].apart == group.apart
+
+
+def without(log: Log, raters: np.ndarray) -> Log:
+    """The log without the ratings of some raters."""
+    stay = ~np.isin(log.raters, raters)
+    return log._replace(raters=log.raters[stay], ratees=log.ratees[stay], values=log.values[stay])
+
+
+def test_there_is_no_group_without_the_ring_or_with_too_small_a_ring(log: Log) -> None:
+    ring = np.array([n for n, name in enumerate(log.rater_names) if name.startswith("ring")])
+    assert alike(without(log, ring)) == []
+    assert [len(raters) for raters, _ in alike(without(log, ring[4:]))] == [4]
+    assert alike(without(log, ring[3:])) == []
+
+
+def test_a_rating_of_one_member_alone_is_not_common(log: Log) -> None:
+    [(raters, ratees)] = alike(log)
+    other = np.setdiff1d(log.ratees, ratees)[0]
+    more = log._replace(
+        raters=np.append(log.raters, raters[0]),
+        ratees=np.append(log.ratees, other),
+        values=np.append(log.values, 0.0),
     )
-    assert alike(rest, 0.5) == []
+    [(_, after)] = alike(more)
+    assert after.tolist() == ratees.tolist()
 
 
-def test_a_shuffled_log_has_the_numbers_of_ratings_and_no_pair_more_often(log: Log) -> None:
-    other = shuffled(log, np.random.default_rng(0))
-    assert np.array_equal(np.bincount(other.ratees), np.bincount(log.ratees))
-    assert (other.ratees != log.ratees).mean() > 0.9
-    pairs = np.unique(np.stack([other.raters, other.ratees]), axis=1)
-    assert pairs.shape[1] == len(log.values)
+def test_a_club_that_rates_as_others_do_has_a_large_p(log: Log) -> None:
+    """Each of its ratings is the mean of the others' ratings."""
+    ring = np.array([n for n, name in enumerate(log.rater_names) if name.startswith("ring")])
+    values = log.values.copy()
+    for ratee in np.unique(log.ratees[np.isin(log.raters, ring)]):
+        of_ratee = log.ratees == ratee
+        of_ring = of_ratee & np.isin(log.raters, ring)
+        values[of_ring] = log.values[of_ratee & ~of_ring].mean()
+    [group] = find_suspects(log._replace(values=values), shuffles=9).groups
+    assert set(ring) <= set(group.raters)
+    assert group.apart < 0.05
+    assert group.p == 1
+
+
+def test_groups_in_shuffled_logs_are_counted(log: Log, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here every second shuffled log has two groups."""
+    logs = []
+
+    def two_groups(one: Log) -> list[tuple[np.ndarray, np.ndarray]]:
+        logs.append(one)
+        return [(np.arange(4), np.arange(2))] * (len(logs) % 2 * 2)
+
+    monkeypatch.setattr(suspects, "alike", two_groups)
+    found = find_suspects(log, shuffles=4)
+    assert (found.false_positive_rate, found.false_groups) == (0.5, 1.0)
+    for shuffled in logs[1:]:
+        assert np.array_equal(np.bincount(shuffled.ratees), np.bincount(log.ratees))
+        assert (shuffled.ratees != log.ratees).mean() > 0.9
 
 
 def test_an_explanation_is_what_the_log_without_the_ratings_says(log: Log) -> None:

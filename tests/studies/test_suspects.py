@@ -1,5 +1,6 @@
 """The study of planted rings and clubs: what it plants, and its page on a small log."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -52,13 +53,17 @@ def test_the_page_has_a_line_for_each_kind_and_size(tmp_path: Path) -> None:
         "--runs",
         "1",
         "--shuffles",
-        "10",
+        "100",
     ]
     run(
         "studies.suspects",
-        [*options, "--model", "mean", "--workers", "1", "--out", str(tmp_path / "out")],
+        [*options, "--workers", "1", "--out", str(tmp_path / "out")],
     )
     page = (tmp_path / "out" / "suspects.md").read_text()
     assert "| ring | 5 of 5 | 8 | " in page
     assert "| honest club | 5 of 5 | 8 | " in page
-    assert "In 10 shuffled logs there were 0 groups." in page
+    runs = json.loads((tmp_path / "out" / "runs.json").read_text())["runs"]
+    assert runs["shuffled 0"] == {"any": 0.0, "groups": 0.0}
+    assert runs["ring 5 8 0"]["accused"]
+    assert runs["ring 5 8 0"]["found"] == 1.0
+    assert runs["ring 5 8 0"]["apart"] > 2 * (runs["honest club 5 8 0"]["apart"] or 0.0)

@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from roletrust_env.logs.explain import find_agent
-from roletrust_env.logs.log_rounds import numbers_of
 from roletrust_env.logs.rate import MODEL, ROLES
 from roletrust_env.logs.rate import rate as rate_log
 from roletrust_env.logs.suspects import find_suspects
@@ -138,20 +137,15 @@ def rate(
         for explanation in explanations:
             console.print(explanation_table(explanation, reading.scale))
         if suspects and rated.log is not None:
-            numbers = numbers_of(rated.log, reading.every)
             advance = stage(progress, "Looking for suspects")
-            groups = find_suspects(
-                rated.stream.model, rated.log, numbers, seed=seed, advance=advance
-            )
-            console.print(suspects_table(groups, rated.log))
+            found_suspects = find_suspects(rated.log, seed=seed, advance=advance)
+            console.print(suspects_table(found_suspects, rated.log))
             rows = [
-                (n, rated.log.rater_names[at], *group[2:])
-                for n, group in enumerate(groups.groups, 1)
+                (n, rated.log.rater_names[at], group.apart, group.p)
+                for n, group in enumerate(found_suspects.groups, 1)
                 for at in group.raters
             ]
-            write_csv(
-                folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows
-            )
+            write_csv(folder / "suspects.csv", ("group", "rater", "apart", "p"), rows)
             written.append(folder / "suspects.csv")
     tell(f"Model {model}{f', {_REASON}' if model == MODEL else ''}.")
     tell(

@@ -8,10 +8,11 @@ from roletrust_env.logs.calibration import Calibration
 from roletrust_env.logs.evidence import Role
 from roletrust_env.logs.explain import Explanation
 from roletrust_env.logs.log import Log
-from roletrust_env.logs.suspects import Search
+from roletrust_env.logs.suspects import Suspects
 from roletrust_experiments.commands.console import number_table, shown
 
 _SHOWN = 4  # ratings of a rater, and members of a group
+_GROUPS = 20  # groups of suspects
 _ENDS = 5  # agents at either end of a ranking
 
 
@@ -72,25 +73,21 @@ def explanation_table(explanation: Explanation, scale: tuple[float, float]) -> T
     return table
 
 
-def suspects_table(search: Search, log: Log) -> Table:
-    """Return the groups of raters that rate alike, and what they do to ranks."""
+def suspects_table(suspects: Suspects, log: Log) -> Table:
+    """Return the groups of raters that rate alike, and how many of them chance makes."""
+    title = f"Raters that rate alike beyond chance: {len(suspects.groups)} groups"
     caption = (
-        f"In {search.shuffles} shuffled logs: {search.false_groups} groups. "
-        "Shift: of percentiles of their ratees. "
-        "Apart: from ratings of others. With p = 1/n, the n-th log did as much; above 0.05, it may "
-        "be an honest club."
+        f"Any group in {suspects.false_positive_rate:.0%} of {suspects.shuffles} shuffled logs, "
+        f"{suspects.false_groups:.2f} on average. "
+        "Apart: distance from the ratings of others. "
+        "p: chance makes it as large. An honest club has a large p."
     )
-    title = f"Raters that rate alike beyond chance: {len(search.groups)} groups"
-    table = number_table(title, caption, "raters", "ratees", "shift", "shuffled", "apart", "p")
-    for raters, ratees, shift, apart, chance, p in search.groups:
-        names = [
-            *(log.rater_names[place] for place in raters[:_SHOWN].tolist()),
-            *["..."] * (len(raters) > _SHOWN),
-        ]
-        cells = (
-            f"{number:.3f}" if number == number else "-" for number in (shift, chance, apart)
-        )  # NaN
-        table.add_row(
-            shown(", ".join(names)), f"{len(raters):,}", f"{len(ratees):,}", *cells, f"{p:.2f}"
-        )
+    table = number_table(title, caption, "raters", "ratees", "apart", "p")
+    for group in suspects.groups[:_GROUPS]:
+        size = len(group.raters)
+        names = [log.rater_names[position] for position in group.raters[:_SHOWN].tolist()]
+        if size > _SHOWN:
+            names.append("...")
+        cells = f"{size:,}", f"{len(group.ratees):,}", f"{group.apart:.3f}", f"{group.p:.2f}"
+        table.add_row(shown(", ".join(names)), *cells)
     return table
