@@ -21,6 +21,7 @@ _EXACT = 2**53
 _NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
 _NANOSECONDS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
 _DATE = "2024-01-31T12:00:00Z"
+_LATEST = 2**63 - 1
 _SWAPPED = str.maketrans(",.", ".,")
 
 Row = Callable[[int], str]
@@ -67,11 +68,11 @@ def plain_column(column: Any) -> Any:
     import pyarrow as arrow
 
     kinds = arrow.types
-    kind = column.type.value_type if kinds.is_dictionary(column.type) else column.type
+    if kinds.is_dictionary(column.type) and column.num_chunks:  # a library may have codes that cannot be cast
+        chunks = [(plain_column(chunk.dictionary), chunk.indices) for chunk in column.chunks]
+        column = arrow.chunked_array([values.take(codes) for values, codes in chunks])
+    kind = column.type
     texts = kinds.is_string(kind) or kinds.is_large_string(kind) or kinds.is_string_view(kind)
-    if kinds.is_dictionary(column.type):  # a library may have codes that cannot be cast
-        values = column.to_pylist()
-        return arrow.chunked_array([arrow.array(values, arrow.string() if texts else kind)])
     return column.cast(arrow.string()) if texts else column
 
 
@@ -239,6 +240,10 @@ def time_nanoseconds(column: Any, reading: Reading, row: Row) -> Ints:
     if kinds.is_temporal(column.type) and not kinds.is_time(column.type):
         return _parsed(column, _dates(None), row)
     if kinds.is_integer(column.type):
+        numbers, most = column.to_numpy(), _LATEST // factor
+        ends = int(numbers.min(initial=0)), int(numbers.max(initial=0))
+        if not column.null_count and -most <= ends[0] and ends[1] <= most:
+            return numbers.astype(np.int64) * factor
         column = column.cast(arrow.decimal128(38, 0))
     if kinds.is_floating(column.type):
         return _parsed(column, _float_times(factor), row)
