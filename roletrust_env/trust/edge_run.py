@@ -83,21 +83,16 @@ class EdgeRun(TrustRun):
         """The trust of each provider. See `TrustRun.provider_trust`."""
         return np.array(self.model.provider_trust(self._view(ages=False)))
 
-    def play(
-        self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None
-    ) -> None:
+    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
         """Play one round. See `TrustRun.play`.
 
         Raises:
             ValueError: A model of another package fails, see `watched_update`.
         """
         self._make_room(int(raters.max(initial=-1)) + 1, int(providers.max(initial=-1)) + 1)
-        if self._local and self._remembers and pairs is not None:
-            pair, known = pairs, int(pairs.max(initial=-1)) + 1
-        else:
-            keys = pair_keys(raters, providers)
-            pair = self._index.places(keys) if self._remembers else keys
-            known = len(self._index)
+        keys = pair_keys(raters, providers)
+        pair = self._index.places(keys) if self._remembers else keys
+        known = len(self._index)
         self._grow({"pair": known, "age": known})
         raters, providers, values, pair = merge_repeats(raters, providers, values, pair)
         if self._local:
@@ -273,7 +268,7 @@ class EdgeRun(TrustRun):
         """Update all agents and all known pairs."""
         if not all(self.shape):  # there is nothing to compute
             return
-        known = self._known_pairs(None)
+        known = self._known_pairs()
         ratings = Ratings(
             values,
             raters=raters,
@@ -293,17 +288,12 @@ class EdgeRun(TrustRun):
 
         self._state = map_kinds(put, self._state, after)
 
-    def _ends(self, pairs: Ints | slice) -> tuple[Ints, Ints]:
-        """Return the raters and the providers of some pairs."""
-        keys = self._index.keys
-        return pair_ends(keys[pairs] if isinstance(pairs, slice) else keys.take(pairs))
-
-    def _known_pairs(self, values: Floats | None) -> Ratings:
-        """Return all known pairs, with a rating each if values are given."""
-        raters, providers = self._ends(slice(None))
+    def _known_pairs(self) -> Ratings:
+        """Return all known pairs, without ratings."""
+        raters, providers = pair_ends(self._index.keys)
         twins = (
             np.arange(self._sizes["provider"])
             if takes_peers(self.model) and not self._one_role
             else None
         )
-        return Ratings(values, raters=raters, providers=providers, shape=self.shape, twins=twins)
+        return Ratings(None, raters=raters, providers=providers, shape=self.shape, twins=twins)

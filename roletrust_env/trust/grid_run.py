@@ -63,9 +63,7 @@ class GridRun(TrustRun):
         """The trust of each provider. See `TrustRun.provider_trust`."""
         return self.model.provider_trust(self.state)
 
-    def play(
-        self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None
-    ) -> None:
+    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
         """Play one round. See `TrustRun.play`.
 
         Raises:

@@ -46,7 +46,6 @@ class TrustRun(ABC):
         raters: EdgeInts,
         providers: EdgeInts,
         values: EdgeFloats,
-        pairs: EdgeInts | None = None,
     ) -> None:
         """Play one round. Agents with a place beyond all earlier ones join; ratings of one pair
         count as their mean.
@@ -55,9 +54,6 @@ class TrustRun(ABC):
             raters: Place of the rater of each rating, shape (E,), at least 0.
             providers: Place of the provider of each rating, shape (E,), at least 0.
             values: Ratings, shape (E,), in [0, 1].
-            pairs: Number of the pair of each rating, in the order in which pairs first occur, shape
-                (E,); in all rounds or in none. A local model need not find them then, but is not
-                saved, and no agent leaves.
         """
 
     def skip(self, rounds: int) -> None:
