@@ -72,9 +72,9 @@ class Calibration(UntrustedModel):
     mean: float = Field(ge=0, le=1)
     """Mean trust, towards which estimates are drawn."""
     weight: float = Field(ge=0)
-    """Number of raters by which they are; 0 where trust itself forecasts no worse."""
+    """Number of raters by which they are; 0 unless that forecasts better at all later cuts."""
     trust_forecast: float = Field(ge=-1, le=1)
-    """Spearman's correlation of trust with later means."""
+    """Spearman's correlation of trust with later means, the mean over later cuts."""
     estimate_forecast: float = Field(ge=-1, le=1)
     """Spearman's correlation of shrunken trust with later means."""
     level: float = Field(ge=0, le=1)
@@ -148,7 +148,7 @@ def calibrated(log: Log, pasts: Sequence[Past]) -> Calibration | None:
         log: Log.
         pasts: Trust at its cuts, ascending.
     """
-    if not pasts:
+    if len(pasts) < 2:
         return None
     seen, end = _Seen.of(log, [past.taken for past in pasts]), len(pasts)
     shrinkages = [
@@ -161,8 +161,8 @@ def calibrated(log: Log, pasts: Sequence[Past]) -> Calibration | None:
         for shrinkage, one, number in zip(shrinkages, trust, seen.raters, strict=True)
     ]
     later = range(max(end // 2, 1), end)
-    forecasts = seen.forecast(trust, later), seen.forecast(shrunken, later)
-    estimates = shrunken if forecasts[1] > forecasts[0] else trust
+    plain, drawn = (seen.forecasts(scores, later) for scores in (trust, shrunken))
+    estimates = shrunken if (drawn > plain).all() else trust
     p, group = np.zeros(0), np.zeros(0, np.int64)
     for at in later:
         groups, residuals = seen.residuals(estimates, [at], end)
@@ -184,8 +184,8 @@ def calibrated(log: Log, pasts: Sequence[Past]) -> Calibration | None:
     return Calibration(
         mean=final.mean,
         weight=final.weight if estimates is shrunken else 0.0,
-        trust_forecast=forecasts[0],
-        estimate_forecast=forecasts[1],
+        trust_forecast=float(plain.mean()),
+        estimate_forecast=float(drawn.mean()),
         level=level,
         coverage=float((p > level).mean()),
         groups=tuple(found),
@@ -241,16 +241,16 @@ class _Seen(NamedTuple):
             found.append(means - estimates[cut][there])
         return np.concatenate(groups), np.concatenate(found)
 
-    def forecast(self, scores: Sequence[Floats], some: Iterable[int]) -> float:
-        """Return Spearman's correlation of scores at some cuts with later means, the mean over
-        ratees; 0 where one does not vary.
+    def forecasts(self, scores: Sequence[Floats], some: Sequence[int]) -> Floats:
+        """Return Spearman's correlation of scores with later means at each of some cuts; 0 where
+        one does not vary.
         """
-        total = number = 0.0
+        found = list[float]()
         for cut in some:
             there, means = self.later(cut, len(scores))
-            one = correlation(ranks(scores[cut][there]), ranks(means))(np.ones(len(there)))
-            total, number = total + len(there) * np.nan_to_num(one), number + len(there)
-        return float(total / max(number, 1.0))
+            ranked = correlation(ranks(scores[cut][there]), ranks(means))
+            found.append(ranked(np.ones(len(there))))
+        return np.nan_to_num(found)
 
 
 def _group(raters: Ints) -> Ints:

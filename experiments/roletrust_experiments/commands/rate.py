@@ -65,8 +65,8 @@ def rate(
     Written: [green]ratees.csv raters.csv[/], with trust and evidence: the number of ratings, of
     other agents in them, and of effectively independent ones, the last rating, the window of the
     log, model and version. With --out trust.parquet both roles are one table. Ratees are ranked by
-    trust, or by trust that is drawn to the mean where raters are few, whichever was nearer to later
-    ratings in the log's own past. An interval is that of the mean of later ratings; the output says
+    trust; or by trust that is drawn to its mean where raters are few, if that forecast later
+    ratings better all along the log's own past. An interval is that of the mean of later ratings; the output says
     how many of these it covered in the past.
 
     --explain shows the most important raters of an agent, and its trust without the ratings of
