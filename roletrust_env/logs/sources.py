@@ -32,6 +32,7 @@ _SEPARATORS = (",", ";", "\t", "|", " ")
 _COMMENTS = ("#", "%")
 _LINE_ENDS = re.compile("\r\n|\n|\r")
 _TABLES = (".parquet", ".pq", ".feather", ".arrow", ".sqlite", ".sqlite3", ".db", ".xlsx")
+_PACKED_STARTS = (b"\x1f\x8b", b"PK\x03\x04", b"BZh", b"\xfd7zXZ")
 _NAMED = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "blank": " "}
 _PACKED = {".gz": gzip.decompress, ".xz": lzma.decompress, ".bz2": bz2.decompress}
 _MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -362,9 +363,11 @@ def _text(data: bytes, path: Path, reading: Reading) -> Source:
     import pyarrow as arrow
     from pyarrow import csv as arrow_csv
 
+    if data.startswith(_PACKED_STARTS):
+        raise ValueError("it is packed, so its name needs an ending: .gz, .zip, .bz2 or .xz")
     data = _as_utf8(data, reading.encoding)
     if b"\0" in data[:_HEAD]:
-        raise ValueError("it has bytes that are not a text; a packed file needs its ending")
+        raise ValueError("it has bytes that are not a text")
     lines = _LINE_ENDS.split(data[:_HEAD].decode("utf-8", "replace"))
     lines = lines[: len(lines) - (len(data) > _HEAD)]  # the last line may be cut
     skipped = 0
