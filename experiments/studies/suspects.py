@@ -5,10 +5,12 @@ New accounts are planted in a log of real ratings. Each rates five of some targe
 The members of a ring give targets the best rating. Those of an honest club give what one of their
 raters gave. Accounts are found if they are in one group of raters that rate alike. The group is
 accused if its ratings are further from those of others than in each of 19 shuffled logs. The
-false-positive rate is the share of other shuffled logs in which there is any group. Ten minutes on
-one core.
+false-positive rate is the share of other shuffled logs in which there is any group. In the log
+itself, accused raters are compared with labels of fraud. Five minutes on one core.
 """
 
+import csv
+from collections import Counter
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -28,6 +30,7 @@ FEW, MANY = (2, 20), 30
 least."""
 
 _SHUFFLES = 19  # of a log with planted accounts: the smallest p is 0.05
+_SIGNIFICANT = 0.05  # largest p of a group that is accused
 _LOGS = 100  # shuffled logs of a run that counts false positives
 
 
@@ -36,6 +39,7 @@ class Options(NamedTuple):
 
     Attributes:
         log: File of Bitcoin OTC, which is not in the repository.
+        labels: File of users and their labels, 1 for benign and -1 for fraud. Optional.
         size: Numbers of accounts.
         cover: Number of ratings of each account as cover.
         targets: Numbers of agents, of which each account rates `rated`.
@@ -45,6 +49,7 @@ class Options(NamedTuple):
     """
 
     log: Path = Path("logs/bitcoin-otc/otc_network.csv.gz")
+    labels: Path = Path("logs/bitcoin-otc/otc_gt.csv")
     size: tuple[int, ...] = (5, 10, 20, 50)
     cover: int = 5
     targets: tuple[int, ...] = (5, 20)
@@ -74,7 +79,7 @@ def planted(
     *,
     honest: bool,
 ) -> tuple[Log, Ints]:
-    """Return a log with new accounts that rate targets in its second half, and their places.
+    """Return a log without times to which new accounts are added, and their positions.
 
     Args:
         log: Log in which members rate members.
@@ -103,18 +108,15 @@ def planted(
     values: Floats = log.values[order[starts[ratees] + rng.integers(0, count[ratees])]]
     if not honest:
         values = np.where(np.isin(ratees, chosen), 1.0, values)
-    times = log.times if log.times is not None else np.zeros(0)
-    when = np.concatenate([times, rng.uniform(times[len(times) // 2], times[-1], len(ratees))])
-    by_time = np.argsort(when, kind="stable")
     raters = np.repeat(accounts, rated + cover)
     columns = ((log.raters, raters), (log.ratees, ratees), (log.values, values))
-    who, whom, what = (np.concatenate(parts)[by_time] for parts in columns)
+    who, whom, what = (np.concatenate(parts) for parts in columns)
     names = [*log.rater_names, *(f"planted {n}" for n in range(size))]
     return log._replace(
         raters=who,
         ratees=whom,
         values=what,
-        times=when[by_time],
+        times=None,
         rater_names=names,
         ratee_names=names,
     ), accounts
@@ -132,7 +134,7 @@ def plant(options: Options, size: int, targets: int, honest: bool, seed: int) ->
     for group in find_suspects(log, shuffles=_SHUFFLES, seed=seed).groups:
         share = float(np.isin(accounts, group.raters).mean())
         if share > best["found"]:
-            accused = group.p * (_SHUFFLES + 1) <= 1
+            accused = group.p <= _SIGNIFICANT
             best = {"found": share, "apart": group.apart, "accused": accused}
     return best
 
@@ -143,11 +145,26 @@ def count_groups(options: Options, seed: int) -> Run:
     return {"any": suspects.false_positive_rate, "groups": suspects.false_groups}
 
 
+def count_labels(options: Options, seed: int) -> Run:
+    """Return the numbers of labelled raters of the log and of those that are accused."""
+    log = read_otc(options.log)
+    with options.labels.open(newline="") as file:
+        labels = {user: int(label) for user, label in csv.reader(file)}
+    groups = find_suspects(log, seed=seed).groups
+    accused = [at for group in groups if group.p <= _SIGNIFICANT for at in group.raters]
+    run: Run = {"accused": len(accused)}
+    for name, raters in (("all", np.unique(log.raters)), ("suspect", accused)):
+        counts = Counter(labels.get(str(log.rater_names[at])) for at in raters)
+        run |= {f"{name}_fraud": counts[-1], f"{name}_benign": counts[1]}
+    return run
+
+
 def main(study: Study[Options]) -> None:
     """Plant accounts in a log, and write the table."""
     options = study.options
     kinds = {"ring": False, "honest club": True}
-    settings = {**options._asdict(), "seed": study.seed, "log": str(options.log)}
+    files = {"log": str(options.log), "labels": str(options.labels)}
+    settings = {**options._asdict(), "seed": study.seed, **files}
     jobs = {
         f"{kind} {targets} {size} {run}": (options, size, targets, honest, study.seed + run)
         for kind, honest in kinds.items()
@@ -161,6 +178,14 @@ def main(study: Study[Options]) -> None:
         {f"shuffled {n}": (options, study.seed + n) for n in range(options.shuffles // _LOGS)},
         settings,
     )
+    labels = ""
+    if options.labels.exists():
+        run = study.play(count_labels, {"labels": (options, study.seed)}, settings)["labels"]
+        labels = (
+            f"In the log itself, {run['accused']} raters are accused. They include "
+            f"{run['suspect_fraud']} of {run['all_fraud']} raters that are labelled as fraud, and "
+            f"{run['suspect_benign']} of {run['all_benign']} that are labelled as benign."
+        )
     rows = []
     for kind, targets, size in product(kinds, options.targets, options.size):
         keys = (f"{kind} {targets} {size} {run}" for run in range(options.runs))
@@ -183,4 +208,5 @@ def main(study: Study[Options]) -> None:
         markdown_table(header, rows, names=1),
         f"False-positive rate: {rate:.1%} of {len(chance) * _LOGS:,} shuffled logs had a group, "
         f"with {groups:.3f} groups per log on average.",
+        labels,
     )
