@@ -21,6 +21,8 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
+import numpy as np
+
 from roletrust_env.errors import short
 from roletrust_env.parameters import truth_value
 from roletrust_env.storage.untrusted import parse_json
@@ -338,6 +340,9 @@ def value_column(values: Sequence[Any]) -> Any:
     """
     import pyarrow as arrow
 
+    values = [
+        value.item() if isinstance(value, np.number | np.bool_) else value for value in values
+    ]
     known = [value for value in values if value is not None and value == value]  # nor NaT
     if any(isinstance(value, datetime) for value in known):
         zones = {getattr(value, "tzinfo", "no date") is None for value in known}
