@@ -1,190 +1,138 @@
-"""How cheaply a log's ranking is pushed: the cheapest attacks that a search finds, and what hostile
-accounts move.
+"""An audit of the ranking of a log: the price of pushing agents over the edge of the top.
 
 An attack joins the last rounds of the log, beside its ratings, and counts by the ranks at the end.
-The search sees these ranks, as an attacker would who knows the log and the model. So a price is a
-bound from above on that of the cheapest attack: there may be a cheaper one.
+The attacker knows the log and the model, and sees the ranks.
 """
 
-import itertools
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
 
+from roletrust_env.logs.audit_exact import SEPARABLE, TIE, ExactPrices
 from roletrust_env.logs.audit_ranking import (
-    ACCOUNTS,
     GOALS,
-    ORIGINS,
-    Attempt,
+    LAST,
     Goal,
-    Origin,
+    Journal,
     Prices,
     Ranking,
+    Row,
     Sent,
-    Target,
 )
-from roletrust_env.logs.audit_search import ROUNDING, SIMPLE, search_attacks
-from roletrust_env.logs.evidence import Rank
-from roletrust_env.logs.forecasts import forecasts, next_rating
-from roletrust_env.logs.log_rounds import log_rounds
+from roletrust_env.logs.audit_search import Search, search_attacks
+from roletrust_env.logs.log import Log
+from roletrust_env.logs.models import AllTimeMean, make_log_model
+from roletrust_env.logs.rate import MODEL, rate
+from roletrust_env.logs.shrinkage import Shrinkage
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.metrics.resampling import interval, mean_intervals
-from roletrust_env.trust.key_index import Floats
+from roletrust_env.metrics.resampling import RESAMPLES, mean_intervals
+from roletrust_env.randomness import generator
+from roletrust_env.trust.models.central.means import Mean
 
-SHORT = 60
-"""Number of attacks on each target by which models are compared."""
+BORDER = 2
+"""Number of ranks on either side of the edge of the top whose agents are reported apart: they are
+always cheap to exchange."""
 
-_POINTS = 24  # most points of a curve
+_QUICK = 2_000_000  # updates of a table for the first attacks of a search
 
 
 @dataclass(frozen=True)
 class Exposure:
-    """How cheaply an agent is pushed over the edge of the top.
+    """The price of pushing an agent over the edge of the top.
 
     Attributes:
-        goal: Where it is pushed.
-        agent: Name; empty for one that nobody has rated.
+        goal: Goal of the attack.
+        agent: Name; empty for an unrated agent.
         rank: Rank without an attack.
         ratings: Number of its ratings in the log.
-        cheapest: Cheapest attack found; None if none was.
+        border: Whether its rank is at the edge of the top, see `BORDER`.
+        lower: No attack of at most 30 accounts is cheaper; NaN if no such bound is known.
+        upper: Price of the cheapest attack found; infinite if none was found.
+        accounts: Number of accounts of this attack.
+        days: Number of days from its first rating to the end of the log; NaN without times.
         sent: Its ratings.
-        prices: Lowest price that the search found from each seed; infinite if none.
     """
 
     goal: Goal
     agent: str
     rank: int
     ratings: int
-    cheapest: Attempt | None
+    border: bool
+    lower: float
+    upper: float
+    accounts: int
+    days: float
     sent: list[Sent]
-    prices: tuple[float, ...]
 
     @property
-    def price(self) -> float:
-        """The lowest price; infinite if no attack was found."""
-        return self.cheapest.price if self.cheapest else math.inf
-
-
-@dataclass(frozen=True)
-class Movement:
-    """How far so many accounts push their targets.
-
-    Attributes:
-        goal: Where they push them.
-        origin: Origin of the accounts.
-        accounts: Number of accounts for each target.
-        places: Mean number of ranks that the best of the simple plans moves a target, with an
-            interval over targets.
-        pushed: Share of the targets that cross the edge of the top, with an interval over targets.
-    """
-
-    goal: Goal
-    origin: Origin
-    accounts: int
-    places: Interval
-    pushed: Interval
+    def gap(self) -> float:
+        """The upper bound minus the lower bound; NaN if one of them is unknown."""
+        return self.upper - self.lower if self.upper < math.inf else math.nan
 
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """What all attacks up to a price reach, of those that were played.
+    """The share of targets that attacks up to a price push over the edge.
 
     Attributes:
-        goal: Where targets are pushed.
+        goal: Goal of the attacks.
         price: Price of the attack on one target.
-        places: Mean of the greatest number of ranks that a target moves, with an interval over
-            targets.
-        pushed: Share of the targets that cross the edge of the top, with an interval over targets.
+        pushed: Share of the targets, with an interval over targets.
     """
 
     goal: Goal
     price: float
-    places: Interval
     pushed: Interval
 
 
 @dataclass(frozen=True)
-class Audit:
-    """What is found about one model on one log.
-
-    Attributes:
-        ranked: Number of ranked agents.
-        exposures: Targets, the cheapest to push first.
-        medians: Median price of the cheapest attacks for each goal, with an interval over targets;
-            infinite if for half of the targets none was found.
-        movements: What numbers of accounts move.
-        curve: What attacks reach by their price.
-        agreement: Share of the targets for which the searches from all seeds found the same price.
-        apart: Greatest difference of these prices, as a share of the lower one; NaN without two
-            prices.
-        played: Number of attacks that were played.
-    """
-
-    ranked: int
-    exposures: list[Exposure]
-    medians: dict[Goal, Interval]
-    movements: list[Movement]
-    curve: list[CurvePoint]
-    agreement: float
-    apart: float
-    played: int
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """What a model comes to beside others, on one log.
-
-    Attributes:
-        medians: Median price of the cheapest attacks for each goal, by a short search that is the
-            same for each model.
-        forecast: How well it forecasts the next ratings, see `next_rating`.
-    """
-
-    medians: dict[Goal, Interval]
-    forecast: dict[str, Interval]
-
-
-@dataclass(frozen=True)
 class AuditReport:
-    """The audit of a trust model on a log, as it is written to a file.
+    """The audit of a trust model on a log.
+
+    Medians and curve are of the upper bounds, without the targets at the border of the top where a
+    goal has others.
 
     Attributes:
-        format: Name and version of this form.
         log: Name of the log.
         ratings: Number of its ratings.
-        every: Length of a round; None if rounds are by number.
+        every: Length of a round in seconds; None for a single round.
         top: Number of agents in the top.
-        rank_by: What agents are ranked by: `low`, the lower end of the interval of trust, or
-            `trust`.
-        prices: Prices of an account, of a hijacked account, of a rating, and of a day.
-        budget: Number of attacks that a search plays for each target.
-        seeds: Seeds of the searches.
+        shrinkage: How trust is drawn to a mean before agents are ranked.
+        prices: Prices of accounts, ratings and days.
+        budget: Greatest number of attacks of a search for each target.
+        seed: Seed of the search, of drawn targets and of intervals.
         model: Name of the trust model.
-        audit: What is found about it.
-        compared: The model beside others.
+        ranked: Number of ranked agents.
+        played: Number of attacks that were played.
+        exposures: Targets, the cheapest of each goal first.
+        medians: Median price for each goal, with an interval over targets.
+        curve: Share of targets by price.
+        format: Name and version of this format.
     """
 
     log: str
     ratings: int
     every: float | None
     top: int
-    rank_by: Rank
+    shrinkage: Shrinkage
     prices: Prices
     budget: int
-    seeds: tuple[int, ...]
+    seed: int
     model: str
-    audit: Audit
-    compared: dict[str, Comparison]
-    format: str = "roletrust-audit-1"
+    ranked: int
+    played: int
+    exposures: list[Exposure]
+    medians: dict[Goal, Interval]
+    curve: list[CurvePoint]
+    format: str = "roletrust-audit-2"
 
     def json(self) -> bytes:
-        """Return the report as JSON; what is infinite or undefined is null."""
+        """Return the report as JSON; infinite and undefined numbers are null."""
         return TypeAdapter(AuditReport).dump_json(self, indent=2)
 
     @staticmethod
@@ -197,202 +145,140 @@ class AuditReport:
         return found
 
 
-def attack_count(targets: int, budget: int, seeds: int) -> int:
-    """Return the greatest number of attacks that an audit of so many targets plays."""
-    return targets * (budget * seeds + len(SIMPLE) * len(ACCOUNTS))
-
-
-def audit_model(
-    ranking: Ranking,
-    prices: Prices,
+def audit(
+    log: Log,
     *,
+    model: Any = MODEL,
+    every: float | None = None,
+    shrinkage: Shrinkage | None = None,
+    prices: Prices = Prices(),  # noqa: B008 - immutable
+    top: int = 10,
     targets: int = 10,
     named: Sequence[str] = (),
-    budget: int = 120,
-    seeds: Sequence[int] = (0, 1),
+    budget: int = 400,
+    seed: int = 0,
+    journal: Journal | None = None,
     advance: Callable[[float], None] = lambda share: None,
-) -> Audit:
-    """Search for the cheapest attacks on a log's ranking, and play simple ones with given numbers
-    of accounts.
+    name: str = "",
+) -> AuditReport:
+    """Return the prices at which hostile accounts push agents over the edge of the top.
+
+    Targets are each agent of the top, agents drawn from below it, and an unrated one. For separable
+    models the cheapest attack of new accounts is computed and played, see `ExactPrices`. For other
+    models, and where hijacked accounts may be cheaper, a search plays attacks.
 
     Args:
-        ranking: Log with its ranks.
-        prices: What accounts and ratings cost.
-        targets: Number of ranked agents that are drawn as targets from those below the top.
-        named: Names of the targets, in place of the top, of those that are drawn, and of a
-            newcomer.
-        budget: Number of attacks that a search plays for each target.
-        seeds: Random seed of each search; the first one also draws targets and resamples.
-        advance: Function that is called with the share of the work that is done.
+        log: Log.
+        model: Trust model, or its name, see `make_log_model`.
+        every: Length of a round in seconds; None for a single round.
+        shrinkage: How trust is drawn to a mean before agents are ranked; None: as by `rate`.
+        prices: Prices of accounts, ratings and days.
+        top: Number of agents in the top.
+        targets: Number of agents that are drawn from below the top.
+        named: Names of the targets, in place of all others.
+        budget: Greatest number of attacks that a search plays for each target.
+        seed: Random seed of the search, of drawn targets and of intervals.
+        journal: Known outcomes of attacks, from which an interrupted audit continues.
+        advance: Function that is called with the share of the search that is done.
+        name: Name of the log in the report.
+
+    Raises:
+        TooSmallError: The log has too few ranked agents.
+        ValueError: The model or a named target is unknown; rounds or days need times, and the log
+            has none.
+        MemoryError: The model does not fit, see `make_run`.
     """
-    chosen, done = ranking.targets(targets, seeds[0], named), itertools.count(1)
-    whole = attack_count(len(chosen), budget, len(seeds))
-
-    def tick() -> None:
-        advance(next(done) / whole)
-
-    runs = [search_attacks(ranking, chosen, prices, budget, seed, tick) for seed in seeds]
-    exposures, trials = [], list[_Trials]()
-    for target, *searches in zip(chosen, *runs, strict=True):
-        best = min(searches, key=lambda search: search.price)
-        prices_found = tuple(search.price for search in searches)
-        sent = ranking.sent(best.rows)
-        exposures.append(
-            Exposure(target.goal, *ranking.named(target), best.best, sent, prices_found)
+    if prices.day and every is None:
+        raise ValueError(
+            f"prices.day is {prices.day:g}; without the length of a round it must be 0"
         )
-        played = {plan: one for search in searches for plan, one in search.played.items()}
-        for plan in (replace(shape, accounts=n) for shape in SIMPLE for n in ACCOUNTS):
-            if plan not in played:
-                tick()
-                played[plan] = ranking.play(target, plan, prices)
-        descended = [one for search in searches for one in search.descended]
-        trials.append(_Trials(target, ranking, [*played.values(), *descended]))
-    advance(1.0)
-    goals = [goal for goal in GOALS if any(target.goal == goal for target in chosen)]
-    return Audit(
+    made = make_log_model(model) if isinstance(model, str) else model
+    if shrinkage is None:
+        calibration = rate(log, model=made, every=every).calibration
+        shrinkage = calibration.shrinkage if calibration else Shrinkage()
+    ranking = Ranking(made, log, every, top=top, shrinkage=shrinkage, journal=journal)
+    chosen = ranking.targets(targets, seed, named)
+    searches = [Search(ranking, target, prices, seed) for target in chosen]
+    _begin(ranking, searches, prices)
+    left = [search for search in searches if not search.price <= search.lower + TIE]
+    search_attacks(left, budget, advance)
+    exposures = [_exposure(ranking, search, border=not named) for search in searches]
+    goals = [goal for goal in GOALS if any(one.goal == goal for one in exposures)]
+    inner = {
+        goal: [one.upper for one in exposures if one.goal == goal and not one.border]
+        or [one.upper for one in exposures if one.goal == goal]
+        for goal in goals
+    }
+    return AuditReport(
+        name,
+        len(log.values),
+        every,
+        top,
+        shrinkage,
+        prices,
+        budget,
+        seed,
+        model if isinstance(model, str) else repr(model),
         ranked=len(ranking.order),
-        exposures=sorted(exposures, key=lambda one: (GOALS.index(one.goal), one.price)),
-        medians=_medians([(one.goal, one.price) for one in exposures], seeds[0]),
-        movements=[
-            Movement(goal, origin, n, *_reach(trials, goal, seeds[0], _simple(origin, n)))
-            for goal in goals
-            for origin in ORIGINS
-            for n in ACCOUNTS
-        ],
-        curve=[
-            CurvePoint(goal, price, *_reach(trials, goal, seeds[0], _up_to(price)))
-            for goal in goals
-            for price in _grid([one for one in trials if one.target.goal == goal])
-        ],
-        agreement=float(
-            np.mean(
-                [
-                    max(one.prices) - one.price < ROUNDING or one.price == math.inf
-                    for one in exposures
-                ]
-            )
-        ),
-        apart=max(
-            (max(one.prices) / one.price - 1 for one in exposures if 0 < one.price < math.inf),
-            default=math.nan,
-        ),
-        played=sum(len(one.played) for one in trials),
+        played=sum(len(search.played) for search in searches),
+        exposures=sorted(exposures, key=lambda one: (GOALS.index(one.goal), one.upper)),
+        medians={goal: _median(found, seed) for goal, found in inner.items()},
+        curve=[point for goal, found in inner.items() for point in _curve(goal, found, seed)],
     )
 
 
-class _Trials(NamedTuple):
-    """The attacks that were played on a target."""
-
-    target: Target
-    ranking: Ranking
-    played: list[Attempt]
-
-    def reach(self, chosen: Callable[[Attempt], bool]) -> tuple[float, bool]:
-        """Return the greatest number of ranks that chosen attacks move the target, and whether one
-        pushes it over.
-        """
-        ranks = [one.rank for one in self.played if chosen(one)]
-        sign = 1 if self.target.goal == "sink" else -1
-        places = max((sign * (rank - self.target.rank) for rank in ranks), default=0)
-        return max(0, places), any(self.ranking.over_edge(self.target, rank) for rank in ranks)
-
-
-def _simple(origin: Origin, accounts: int) -> Callable[[Attempt], bool]:
-    shapes = {replace(shape, accounts=accounts) for shape in SIMPLE if shape.origin == origin}
-    return lambda one: one.plan in shapes and not one.changed
-
-
-def _up_to(price: float) -> Callable[[Attempt], bool]:
-    return lambda one: one.price <= price
-
-
-def _grid(trials: Sequence[_Trials]) -> list[float]:
-    """Return prices at which the reach of attacks may change, some of many."""
-    prices = np.unique([one.price for trial in trials for one in trial.played])
-    return np.unique(prices[np.linspace(0, len(prices) - 1, _POINTS).astype(int)]).tolist()  # type: ignore[no-any-return]
-
-
-def _reach(
-    trials: Sequence[_Trials], goal: Goal, seed: int, chosen: Callable[[Attempt], bool]
-) -> tuple[Interval, Interval]:
-    """Return the means over the targets of a goal of what chosen attacks reach, see
-    `_Trials.reach`.
+def _begin(ranking: Ranking, searches: Sequence[Search], prices: Prices) -> None:
+    """Play the cheapest attacks on a separable model, which bound the price, or else on the plain
+    means, as the first attacks of searches.
     """
-    found = np.array([one.reach(chosen) for one in trials if one.target.goal == goal], np.float64)
-    places, pushed = mean_intervals(found, seed)
-    return places, pushed
-
-
-def compare_models(
-    ranking: Ranking,
-    name: str,
-    others: Mapping[str, Any],
-    prices: Prices,
-    *,
-    targets: int,
-    seed: int,
-    most: int,
-    advance: Callable[[float], None] = lambda share: None,
-) -> dict[str, Comparison]:
-    """Compare the model of a ranking with the others that forecast best: how cheaply each is pushed
-    by a short search.
-
-    Args:
-        ranking: Log with its ranks.
-        name: Name of the model.
-        others: Other models, by name.
-        prices: What accounts and ratings cost.
-        targets: See `audit_model`.
-        seed: Random seed of targets, search and resamples.
-        most: Number of other models: those whose forecasts have the highest correlation with the
-            ratings.
-        advance: Function that is called with the share of the work that is done.
-
-    Returns:
-        The comparison of each model, that of the ranking first; none if a log has no rounds by
-        time, or a single one.
-    """
-    log, same = ranking.log, ranking.same_agents
-    if ranking.every is None or log_rounds(log, ranking.every)[-1] == 0:
-        return {}
-    models = {name: ranking.model, **{one: model for one, model in others.items() if one != name}}
-    found = {}
-    for one, model in models.items():
-        with suppress(MemoryError):
-            found[one] = next_rating(
-                forecasts(model, log, ranking.every, same_agents=same), log, seed
-            )
-    best = sorted(
-        found.keys() - {name},
-        key=lambda one: (-np.nan_to_num(found[one]["r"].value, nan=-1.0), one),
-    )[:most]
-    compared = dict[str, Comparison]()
-    for at, one in enumerate(chosen := [one for one in (name, *best) if one in found], 1):
-        there = ranking if one == name else ranking.of(models[one])
-        searches = search_attacks(
-            there, there.targets(targets, seed), prices, SHORT, seed, lambda: None
+    if type(ranking.model) in SEPARABLE:
+        exact, hijacked = ExactPrices(ranking, prices), Row(LAST - 1, 0, 0, 0.0)
+        for search in searches:
+            price, rows = exact.cheapest(search.target)
+            search.lower = min(price, ranking.price([hijacked], prices))
+            if not search.begin(rows):
+                search.begin(exact.cheapest(search.target, strict=True)[1])
+        return
+    for model in (Mean(), AllTimeMean()):
+        alike = Ranking(
+            model, ranking.log, ranking.every, top=ranking.top, shrinkage=ranking.shrinkage
         )
-        compared[one] = Comparison(
-            _medians([(search.target.goal, search.price) for search in searches], seed), found[one]
-        )
-        advance(at / len(chosen))
-    return compared
+        exact, best = ExactPrices(alike, prices, work=_QUICK), alike.order[: ranking.top]
+        for search in searches:
+            if (search.target.place in best) == (search.target.goal == "sink"):
+                search.begin(exact.cheapest(search.target)[1])
 
 
-def _medians(found: Sequence[tuple[Goal, float]], seed: int) -> dict[Goal, Interval]:
-    """Return the median of the prices of each goal."""
-    return {
-        goal: _median([price for one, price in found if one == goal], seed) for goal, _ in found
-    }
+def _exposure(ranking: Ranking, search: Search, *, border: bool) -> Exposure:
+    """Return the bounds of a target."""
+    target, best = search.target, search.best
+    names, rows = ranking.log.ratee_names, best.rows if best else ()
+    return Exposure(
+        target.goal,
+        names[target.place] if target.place < len(names) else "",
+        target.rank,
+        int(ranking.total[target.place]),
+        border and abs(target.rank - ranking.top - 0.5) < BORDER,
+        search.price if search.price <= search.least + TIE else search.lower,
+        search.price,
+        best.accounts if best else 0,
+        ranking.days(rows) if rows else math.nan,
+        ranking.sent(rows),
+    )
+
+
+def _curve(goal: Goal, prices: Sequence[float], seed: int) -> list[CurvePoint]:
+    """Return the share of prices up to each of them."""
+    steps = sorted({price for price in prices if price < math.inf})
+    shares = np.array(prices)[:, None] <= np.array(steps)
+    found = mean_intervals(shares.astype(np.float64), seed)
+    return [CurvePoint(goal, price, share) for price, share in zip(steps, found, strict=True)]
 
 
 def _median(prices: Sequence[float], seed: int) -> Interval:
     """Return the median of prices, some of which may be infinite, with its interval."""
-    ordered = np.sort(prices)
-
-    def place(weights: Floats) -> float:
-        total = np.cumsum(weights)
-        return float(np.searchsorted(total, total[-1] / 2))
-
-    found = interval(place, np.arange(len(ordered)), seed)
-    return Interval(*(math.nan if math.isnan(end) else float(ordered[round(end)]) for end in found))
+    draws = generator(seed).integers(0, len(prices), (RESAMPLES, len(prices)))
+    medians = np.percentile(np.array(prices)[draws], 50, axis=1, method="lower")
+    ends = np.percentile(medians, [2.5, 97.5], method="nearest").tolist()
+    value = float(np.percentile(prices, 50, method="lower"))
+    return Interval(value, *(ends if len(prices) > 1 else [math.nan] * 2))

@@ -1,6 +1,4 @@
-"""Attacks on the ranking of a log: what hostile accounts send, what it costs, and the ranks after
-it.
-"""
+"""Attacks on the ranking of a log: hostile ratings, their price, and the ranks after them."""
 
 import json
 import math
@@ -12,60 +10,67 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import FiniteFloat, PositiveInt, TypeAdapter
+from pydantic import FiniteFloat, PositiveInt, TypeAdapter, ValidationError
 
-from roletrust_env.logs.evidence import Rank, wilson_interval
+from roletrust_env.errors import validation_message
+from roletrust_env.evaluation.specs import parse_settings
 from roletrust_env.logs.explain import find_agent
 from roletrust_env.logs.log import Log, TooSmallError
 from roletrust_env.logs.log_rounds import numbers_of
 from roletrust_env.logs.replay import ACTIVE, Ending, HostileRatings
-from roletrust_env.parameters import truth_value
+from roletrust_env.logs.shrinkage import Shrinkage
+from roletrust_env.parameters import Amount, checked_dataclass
 from roletrust_env.randomness import generator
 from roletrust_env.trust.edges import pair_ends, pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
 
 Goal = Literal["sink", "lift", "enter"]
-"""Push an agent out of the top, push a ranked agent into it, or push one into it that nobody has
-rated."""
-
-Origin = Literal["new", "aged", "hijacked"]
-"""Accounts that join for the attack; that have rated as others do for some rounds; that are those
-of active raters."""
+"""Push an agent out of the top, lift a rated agent into it, or lift an unrated agent into it."""
 
 GOALS: tuple[Goal, ...] = ("sink", "lift", "enter")
-ORIGINS: tuple[Origin, ...] = ("new", "aged", "hijacked")
-ACCOUNTS = (1, 3, 10, 30)
-"""Numbers of accounts that are compared; the last is the greatest that a search tries."""
 
-MOST = ACCOUNTS[-1]
+MOST = 30
 """Greatest number of accounts of an attack."""
 
 LAST = 12
-"""Number of the last rounds of a log, in which attacks are. Where the age of an account counts,
-fewer are dearer."""
+"""Number of the last rounds with ratings, in which attacks are."""
 
 _DAY = 86_400.0  # seconds
 
 
-class Prices(NamedTuple):
-    """What an attack costs, in any currency.
+@checked_dataclass
+class Prices:
+    """Prices of an attack, in any currency.
 
     Attributes:
-        account: Price of a new account, also of one that ages.
+        account: Price of a new account, aged or not.
         hijacked: Price of the account of an active rater.
         rating: Price of a rating.
-        day: Price of a day from the first rating to the end of the log.
+        day: Price of a day from the first hostile rating to the end of the log.
     """
 
-    account: float = 1.0
-    hijacked: float = 10.0
-    rating: float = 0.1
-    day: float = 0.0
+    account: Amount = 1.0
+    hijacked: Amount = 10.0
+    rating: Amount = 0.1
+    day: Amount = 0.0
+
+    @classmethod
+    def parsed(cls, text: str) -> "Prices":
+        """Return prices from a text such as `account=2,rating=0.5`; others have their defaults.
+
+        Raises:
+            ValueError: A part has another form, or a price is unknown or out of range.
+        """
+        given = parse_settings(text.split(","), "prices")
+        try:
+            return TypeAdapter(cls).validate_python(given)
+        except ValidationError as error:
+            raise ValueError(f"prices: {validation_message(error)}") from None
 
 
 class Row(NamedTuple):
-    """A hostile rating: the number of its round among the last ones, from 0, and as places account
-    and agent.
+    """A hostile rating: its round among the last ones, from 0, the positions of its account and of
+    the rated agent, and its value in [0, 1].
     """
 
     round: int
@@ -79,82 +84,47 @@ class Plan:
     """What the hostile accounts do; rounds count back from the end of the log.
 
     Attributes:
-        origin: Origin of the accounts.
-        accounts: Number of accounts, at least 1.
-        strikes: Number of rounds in which they rate the target, at least 1.
-        turns: Whether each strikes in one of these rounds only, in turn.
+        accounts: Number of accounts.
+        strikes: Number of rounds in which they rate the target.
         quiet: Number of rounds after the last strike.
         age: Number of rounds before the first strike in which they rate others only.
-        mildness: Distance of their rating of the target from the worst or best, at most 0.5.
-        cover: Number of others that each rates by their trust, in turn in the rounds of age, or in
-            the first strike.
-        popular: Whether these others are those with the most ratings. Otherwise they are drawn.
+        cover: Number of other agents that each rates by their trust: those with the most ratings.
         rivals: Number of agents at the edge of the top that each pushes the other way when it
             strikes.
-        ring: Number of other accounts to which each gives the best rating in the first round.
-        choice: Which active raters are hijacked: 0 those with the most ratings, 1 the fewest, 2
-            those of the target.
+        hijacked: Whether the accounts are those of active raters, not new.
     """
 
-    origin: Origin = "new"
     accounts: int = 1
     strikes: int = 1
-    turns: bool = False
     quiet: int = 0
     age: int = 0
-    mildness: float = 0.0
     cover: int = 0
-    popular: bool = True
     rivals: int = 0
-    ring: int = 0
-    choice: int = 0
-
-    @property
-    def words(self) -> str:
-        """The plan in a few words, without the number of accounts."""
-        parts = [
-            (True, f"{self.origin}" + (("", ", least active", ", its raters")[self.choice])),
-            (self.age, f"{self.age} rounds of age"),
-            (self.strikes > 1, f"{self.strikes} rounds" + " in turn" * self.turns),
-            (self.quiet, f"{self.quiet} quiet after"),
-            (self.mildness, f"{self.mildness:g} mild"),
-            (self.cover, f"{self.cover} decoys" + (", drawn" * (not self.popular))),
-            (self.rivals, f"{self.rivals} rivals"),
-            (self.ring, f"ring of {self.ring}"),
-        ]
-        return "; ".join(words for there, words in parts if there)
+    hijacked: bool = False
 
 
-@dataclass(frozen=True)
-class Attempt:
+class Attempt(NamedTuple):
     """An attack that was played.
 
     Attributes:
-        plan: What its accounts do.
-        changed: Whether ratings of the plan were left out or changed.
-        accounts: Number of accounts that rate.
-        ratings: Number of ratings.
-        rounds: Number of rounds from its first rating to the end of the log.
-        days: The same in days, if times are in seconds; NaN without times.
-        price: Price of its accounts and ratings.
-        rank: Rank of the target after it, 1 for the most trusted.
-        margin: How far what the target is ranked by is beyond that of the edge, which makes equal
-            attacks comparable.
+        rows: Its ratings.
+        accounts: Number of its accounts.
+        price: Price of its accounts, ratings and days.
+        rank: Rank of the target after it, 1 for the best.
+        margin: How far the target is beyond the edge of the top, in units of trust.
+        success: Whether the target is on the other side of the edge.
     """
 
-    plan: Plan
-    changed: bool
+    rows: tuple[Row, ...]
     accounts: int
-    ratings: int
-    rounds: int
-    days: float
     price: float
     rank: int
     margin: float
+    success: bool
 
 
 class Sent(NamedTuple):
-    """A hostile rating: its round, 1 for the last of the log, its account, whom it is about, and
+    """A hostile rating: its round, 1 for the last of the log, its account, the rated agent, and
     its value.
     """
 
@@ -165,9 +135,7 @@ class Sent(NamedTuple):
 
 
 class Target(NamedTuple):
-    """An agent that is pushed: where, its place among the providers, and its rank without an
-    attack.
-    """
+    """An agent to push: the goal, its position among the ratees, and its rank without an attack."""
 
     goal: Goal
     place: int
@@ -178,8 +146,7 @@ _LINE = TypeAdapter(tuple[str, PositiveInt, FiniteFloat])
 
 
 class Journal:
-    """Outcomes of attacks, kept in a file, so that a search that is interrupted goes on where it
-    was.
+    """Outcomes of attacks in a file, from which an interrupted audit continues.
 
     Attributes:
         path: File.
@@ -187,7 +154,7 @@ class Journal:
     """
 
     def __init__(self, path: Path) -> None:
-        """Read what an earlier search has kept; a line that is torn or damaged is ignored."""
+        """Read the outcomes of an earlier audit; damaged lines are ignored."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path, self.known = path, dict[str, tuple[int, float]]()
         for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
@@ -196,7 +163,7 @@ class Journal:
                 self.known[key] = rank, beyond
 
     def add(self, key: str, outcome: tuple[int, float]) -> None:
-        """Keep an outcome."""
+        """Append an outcome to the file."""
         self.known[key] = outcome
         with self.path.open("a") as file:
             file.write("\n" + json.dumps([key, *outcome]))
@@ -205,20 +172,25 @@ class Journal:
 class Ranking:
     """The ranks at the end of a log, without and with an attack.
 
-    Agents with ratings rank as in `roletrust_env.logs.evidence`: by the lower end of the interval
-    of their trust, or by trust; of equals, those with the higher trust, and with more ratings, come
-    first.
+    Rated agents rank by their shrunken trust; of equals, those with the higher trust, then those
+    with more ratings, come first.
 
     Attributes:
         model: Trust model.
         log: Log.
-        every: Length of a round; None if rounds are by number.
-        same_agents: Whether a rater and a ratee of one name are one agent.
+        every: Length of a round in seconds; None for a single round.
+        numbers: Number of the round of each rating, shape (n,), ascending.
+        shrinkage: How trust is drawn to a mean; no attack changes it.
         top: Number of agents in the top.
-        newcomer: Place of an agent that nobody has rated.
-        order: Places of the ranked agents without an attack, the best first.
-        popular: Places of the agents with ratings, those with the most first.
-        trust: Trust in each agent without an attack.
+        newcomer: Position of an unrated agent; those after it are unrated, too.
+        fresh: Position of the first new account; there are 30.
+        size: Number of ratees, with the unrated ones.
+        order: Positions of the ranked agents without an attack, the best first.
+        popular: Positions of the rated agents, those with the most ratings first.
+        estimate: Shrunken trust without an attack, shape (size,).
+        trust: Trust without an attack, shape (size,).
+        raters: Number of raters, shape (size,).
+        total: Number of ratings, shape (size,).
     """
 
     def __init__(
@@ -227,9 +199,8 @@ class Ranking:
         log: Log,
         every: float | None,
         *,
-        same_agents: bool,
         top: int = 10,
-        rank_by: Rank = "low",
+        shrinkage: Shrinkage = Shrinkage(),  # noqa: B008 - immutable
         journal: Journal | None = None,
     ) -> None:
         """Play the log.
@@ -238,67 +209,55 @@ class Ranking:
             model: Trust model.
             log: Log.
             every: Length of a round in seconds; None for a single round.
-            same_agents: Whether a rater and a ratee of one name are one agent.
             top: Number of agents in the top.
-            rank_by: What agents are ranked by.
-            journal: Outcomes that are known.
+            shrinkage: How trust is drawn to a mean.
+            journal: Known outcomes of attacks.
 
         Raises:
             TooSmallError: The log has too few ranked agents.
-            ValueError: Rounds go by time, and the log has no times.
+            ValueError: `every` is given, and the log has no times.
             MemoryError: The model does not fit, see `make_run`.
         """
-        self.top, self.every, self._rank_by, self._journal = top, every, rank_by, journal
-        self.model, self.log, self.same_agents = model, log, truth_value("same_agents", same_agents)
-        numbers = numbers_of(log, every)
-        facts = *log[:3], numbers, np.array([top, self.same_agents, rank_by == "low"])
+        self.model, self.log, self.every, self.top = model, log, every, top
+        self.shrinkage, self._journal = shrinkage, journal
+        self.numbers = numbers_of(log, every)
+        facts = *log[:3], self.numbers, np.array([top, log.same_agents, *shrinkage])
         self._digest = sha256(
-            b"".join(np.asarray(one).tobytes() for one in facts) + repr(model).encode()
+            b"".join(np.asarray(fact).tobytes() for fact in facts) + repr(model).encode()
         )
-        self._end = Ending(model, log, numbers, LAST, same_agents=self.same_agents, more=1 + MOST)
-        self.newcomer = log.shape[1]
-        self._fresh = log.shape[0] + 1 + np.arange(MOST)
+        self._end = Ending(
+            model, log, self.numbers, LAST, same_agents=log.same_agents, more=1 + MOST
+        )
+        self.newcomer, self.fresh = log.shape[1], log.shape[0] + 1
+        self.size = self.newcomer + 1 + MOST
         self._keys, counts = np.unique(pair_keys(log.ratees, log.raters), return_counts=True)
         received, given = (np.bincount(side) for side in (log.ratees, log.raters))
         self.popular = np.argsort(-received, kind="stable")[: (received > 0).sum()]
         self._active = np.argsort(-given, kind="stable")[: (given >= ACTIVE).sum()]
-        self._size = log.shape[1] + 1 + MOST
         rated = pair_ends(self._keys)[0]
-        self._total = np.bincount(rated, counts, self._size).astype(np.float64)
-        self._raters = np.bincount(rated, minlength=self._size)
+        self.total = np.bincount(rated, counts, self.size).astype(np.float64)
+        self.raters = np.bincount(rated, minlength=self.size)
         columns = self._columns(())
-        order, self.trust = np.lexsort([-column for column in columns[::-1]]), columns[1]
-        self.order: Ints = order[self._total[order] > 0]
+        self.estimate, self.trust, _ = columns
+        self.order = self._order(columns)
         if len(self.order) <= top:
-            raise TooSmallError(
-                f"only {len(self.order)} agents have ratings; the top (--top) must be fewer, and "
-                f"is {top}"
-            )
-
-    def of(self, model: Any) -> "Ranking":
-        """Return the ranking of the same log by another model."""
-        settings: Any = {"same_agents": self.same_agents, "top": self.top, "rank_by": self._rank_by}
-        return Ranking(model, self.log, self.every, **settings)
+            raise TooSmallError(f"top must be below {len(self.order)} rated agents, got {top}")
 
     def _columns(self, rows: Sequence[Row]) -> list[Floats]:
-        """Return what providers rank by, each from low to high: lower end or trust, trust, number
-        of ratings.
-        """
-        number, who, whom, values = _apart(rows)
-        sent = [number == at for at in range(LAST)]
-        trust = self._end.trust(
-            [HostileRatings(who[there], whom[there], values[there]) for there in sent]
-        )
+        """Return the keys of the ranks, each shape (size,): estimate, trust, number of ratings."""
+        table = np.array(rows, np.float64).reshape(-1, 4)
+        number, who, whom = table[:, :3].astype(np.int64).T
+        sent = (number == at for at in range(LAST))
+        trust = self._end.trust([HostileRatings(who[at], whom[at], table[at, 3]) for at in sent])
         keys, more = np.unique(pair_keys(whom, who), return_counts=True)
         at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-        total, raters, rated = self._total.copy(), self._raters.copy(), pair_ends(keys)[0]
-        np.add.at(total, rated, more)
-        np.add.at(raters, rated, self._keys[at] != keys)
-        low, _ = wilson_interval(trust, raters)
-        return [low if self._rank_by == "low" else trust, trust, total]
+        rated = pair_ends(keys)[0]
+        total = self.total + np.bincount(rated, more, self.size)
+        raters = self.raters + np.bincount(rated, self._keys[at] != keys, self.size)
+        return [self.shrinkage.of(trust, raters), trust, total]
 
     def targets(self, many: int, seed: int, named: Sequence[str] = ()) -> list[Target]:
-        """Return the agents of the top, so many that are drawn from those below it, and a newcomer.
+        """Return the agents of the top, drawn ones from below it, and a newcomer.
 
         Args:
             many: Number of agents to draw.
@@ -321,34 +280,27 @@ class Ranking:
         ]
         return found if named else [*found, Target("enter", self.newcomer, len(self.order) + 1)]
 
-    def play(
-        self, target: Target, plan: Plan, prices: Prices, rows: Sequence[Row] | None = None
-    ) -> Attempt:
+    def play(self, target: Target, rows: Sequence[Row], prices: Prices) -> Attempt:
         """Play an attack.
 
         Args:
             target: Target.
-            plan: What the accounts do; there may be fewer active raters than it hijacks.
-            prices: What accounts and ratings cost.
-            rows: Ratings that are sent in place of those of the plan.
+            rows: Ratings of the attack.
+            prices: Prices of accounts and ratings.
         """
-        changed, rows = rows is not None, self.rows(target, plan) if rows is None else rows
-        rank, beyond = self._outcome(target.place, rows)
-        length = self._length(rows)
+        rank, beyond = self._outcome(target.place, list(rows))
+        down = target.goal == "sink"
         return Attempt(
-            plan,
-            changed,
+            tuple(rows),
             accounts=len({row.account for row in rows}),
-            ratings=len(rows),
-            rounds=length,
-            days=self._days(length),
             price=self.price(rows, prices),
             rank=rank,
-            margin=-beyond if target.goal == "sink" else beyond,
+            margin=-beyond if down else beyond,
+            success=(rank > self.top) == down,
         )
 
-    def _outcome(self, place: int, rows: Sequence[Row]) -> tuple[int, float]:
-        """Return the rank of a provider after an attack, and how far it is above the edge of the
+    def _outcome(self, place: int, rows: list[Row]) -> tuple[int, float]:
+        """Return the rank of an agent after an attack, and how far it is above the edge of the
         others' top.
         """
         digest = self._digest.copy()
@@ -357,101 +309,64 @@ class Ranking:
         if self._journal and key in self._journal.known:
             return self._journal.known[key]
         columns = self._columns(rows)
-        others = columns[-1] > 0
-        others[place] = False
-        edge = np.partition(columns[0][others], -self.top)[-self.top]
-        outcome = self._rank(place, columns), float(columns[0][place] - edge)
+        order = self._order(columns)
+        rank = 1 + int(np.argmax(np.append(order, place) == place))  # an unrated agent is the last
+        edge = columns[0][order[order != place][self.top - 1]]
+        outcome = rank, float(columns[0][place] - edge)
         if self._journal:
             self._journal.add(key, outcome)
         return outcome
 
-    def _rank(self, place: int, columns: Sequence[Floats]) -> int:
-        """Return the rank of a provider; one without ratings comes after all that have some."""
-        ranked = columns[-1] > 0
-        if not ranked[place]:
-            return int(ranked.sum()) + 1
-        before, equal = np.zeros(self._size, bool), ranked
-        for column in columns:
-            before |= equal & (column > column[place])
-            equal = equal & (column == column[place])
-        return 1 + int(before.sum() + equal[:place].sum())
+    @staticmethod
+    def _order(columns: Sequence[Floats]) -> Ints:
+        """Return the positions of the rated agents by the keys of the ranks, the best first."""
+        order: Ints = np.lexsort([-column for column in columns[::-1]])
+        return order[columns[-1][order] > 0]
 
-    def _length(self, rows: Sequence[Row]) -> int:
-        """Return the number of rounds from the first rating to the end of the log."""
-        return LAST - min((row.round for row in rows), default=LAST)
-
-    def _days(self, rounds: int) -> float:
+    def days(self, rows: Sequence[Row]) -> float:
+        """Return the number of days from the first rating to the end of the log; NaN without
+        times.
+        """
+        rounds = LAST - min((row.round for row in rows), default=LAST)
         return math.nan if self.every is None else rounds * self.every / _DAY
 
     def price(self, rows: Sequence[Row], prices: Prices) -> float:
-        """Return the price of ratings and of their accounts."""
+        """Return the price of ratings, of their accounts and of their days."""
         accounts = {row.account for row in rows}
-        new = sum(account >= self._fresh[0] for account in accounts)
-        bought = (
-            new * prices.account
-            + (len(accounts) - new) * prices.hijacked
-            + len(rows) * prices.rating
-        )
-        return float(bought) + (self._days(self._length(rows)) * prices.day if prices.day else 0.0)
+        new = sum(account >= self.fresh for account in accounts)
+        bought = new * prices.account + (len(accounts) - new) * prices.hijacked
+        time = self.days(rows) * prices.day if prices.day else 0.0
+        return float(bought + len(rows) * prices.rating + time)
 
     def sent(self, rows: Sequence[Row]) -> list[Sent]:
         """Return ratings with the names of their agents."""
-        (raters, providers), fresh = (
-            (self.log.rater_names, self.log.ratee_names),
-            int(self._fresh[0]),
-        )
+        fresh = ["newcomer", *(f"new account {number}" for number in range(1, MOST + 1))]
+        raters, ratees = [*self.log.rater_names, *fresh], [*self.log.ratee_names, *fresh]
         return [
-            Sent(
-                LAST - number,
-                raters[who] if who < len(raters) else f"new account {who - fresh + 1}",
-                _provider(providers, whom, fresh),
-                value,
-            )
+            Sent(LAST - number, raters[who], ratees[whom], value)
             for number, who, whom, value in rows
         ]
 
-    def named(self, target: Target) -> tuple[str, int, int]:
-        """Return the name, the rank and the number of ratings of a target."""
-        names = self.log.ratee_names
-        name = names[target.place] if target.place < len(names) else ""
-        return name, target.rank, int(self._total[target.place])
-
-    def over_edge(self, target: Target, rank: int) -> bool:
-        """Return whether a target is on the other side of the edge of the top at a rank."""
-        return (rank > self.top) if target.goal == "sink" else (rank <= self.top)
-
     def rows(self, target: Target, plan: Plan) -> list[Row]:
-        """Return the ratings of a plan."""
-        accounts = self._accounts(target, plan).tolist()
+        """Return the ratings of a plan; there may be fewer active raters than it hijacks."""
         last = LAST - plan.quiet
-        first = last - plan.strikes
+        first = max(0, last - plan.strikes)
         begin = max(0, first - plan.age)
         down = target.goal == "sink"
-        value = plan.mildness if down else 1 - plan.mildness
-        rng = np.random.default_rng(0)
-        known = self.popular[self.popular != target.place]
+        decoys = self.popular[self.popular != target.place][: plan.cover].tolist()
         rivals, rows = self.rivals(target, plan.rivals), list[Row]()
-        for k, account in enumerate(accounts):
-            strikes = [first + k % plan.strikes] if plan.turns else range(first, last)
-            for number in strikes:
-                rows.append(Row(number, account, target.place, value))
+        for account in self._accounts(target, plan).tolist():
+            for number in range(first, last):
+                rows.append(Row(number, account, target.place, float(not down)))
                 rows += [Row(number, account, rival, float(down)) for rival in rivals]
-            if self.same_agents:
-                others = (accounts[k + 1 :] + accounts[:k])[: plan.ring]
-                rows += [Row(begin, account, other, 1.0) for other in others]
-            some = (
-                known[: plan.cover]
-                if plan.popular
-                else rng.choice(known, min(plan.cover, len(known)), False)
-            )
-            rounds = max(1, first - begin)
-            for n, other in enumerate(some.tolist()):
-                rows.append(Row(begin + n % rounds, account, other, float(self.trust[other])))
-        return sorted(row for row in rows if row.account != row.agent or not self.same_agents)
+            for n, other in enumerate(decoys):
+                number = begin + n % max(1, first - begin)
+                rows.append(Row(number, account, other, float(self.trust[other])))
+        return sorted(row for row in rows if row.account != row.agent or not self.log.same_agents)
 
     def rivals(self, target: Target, many: int) -> list[int]:
-        """Return the places of agents at the edge of the top, so many on the side to which a target
-        is pushed.
+        """Return the positions of so many agents at the edge of the top, on the side to which a
+        target is pushed.
         """
         down = target.goal == "sink"
         edge = (
@@ -462,28 +377,13 @@ class Ranking:
         return [at for at in edge.tolist() if at != target.place]
 
     def _accounts(self, target: Target, plan: Plan) -> Ints:
-        """Return the places of the accounts."""
-        if plan.origin != "hijacked":
-            return self._fresh[: plan.accounts]
-        active = self._active[::-1] if plan.choice == 1 else self._active
-        if plan.choice == 2:
-            own = self.log.raters[self.log.ratees == target.place]
-            active = active[np.argsort(~np.isin(active, own), kind="stable")]
-        if self.same_agents:
+        """Return the positions of the accounts of a plan: of hijacked ones, raters of the target
+        first, then those with the most ratings.
+        """
+        if not plan.hijacked:
+            return self.fresh + np.arange(plan.accounts)
+        own = self.log.raters[self.log.ratees == target.place]
+        active = self._active[np.argsort(~np.isin(self._active, own), kind="stable")]
+        if self.log.same_agents:
             active = active[active != target.place]
         return active[: plan.accounts]
-
-
-def _apart(rows: Sequence[Row]) -> tuple[Ints, Ints, Ints, Floats]:
-    """Return ratings as columns."""
-    number, who, whom, values = zip(*rows, strict=True) if rows else ((), (), (), ())
-    return *(np.array(column, np.int64) for column in (number, who, whom)), np.array(
-        values, np.float64
-    )  # type: ignore[return-value]
-
-
-def _provider(names: Sequence[str], place: int, fresh: int) -> str:
-    """Return the name of an agent that is rated, which may be new."""
-    if place < len(names):
-        return names[place]
-    return "newcomer" if place == len(names) else f"new account {place - fresh + 1}"

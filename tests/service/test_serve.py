@@ -28,21 +28,18 @@ AUDIT = [
     "10",
     "--top",
     "2",
-    "--targets",
-    "1",
     "--budget",
     "4",
-    "--alone",
 ]
 
 
 @contextmanager
-def served(*options: object) -> Iterator[str]:
+def served(*options: object, model: str = "mean") -> Iterator[str]:
     """Start the command, and return its address; it has to end by a signal in order."""
     command = [
         *COMMAND,
         "serve",
-        "mean",
+        model,
         "--name",
         NAME,
         "--work",
@@ -129,18 +126,19 @@ def test_a_manager_tells_of_rounds_and_goes_on_after_its_end(tmp_path: Path):
 def test_an_audit_of_the_manager_is_that_of_its_model(tmp_path: Path):
     write_log(tmp_path / "log.csv.gz", members=20, months=6)
     found = []
-    with served("--store", tmp_path / "trust.sqlite", "--rounds") as url:
-        for scorer in ("mean", f"{url}/rounds"):
+    with served("--store", tmp_path / "trust.sqlite", "--rounds", model="beta") as url:
+        for model in ("beta", f"{url}/rounds"):
             command = [
                 *COMMAND,
                 "audit",
                 str(tmp_path / "log.csv.gz"),
                 *AUDIT,
-                "--scorer",
-                scorer,
+                "--model",
+                model,
                 "--out",
                 str(tmp_path),
             ]
             subprocess.run(command, check=True, capture_output=True)
-            found.append(json.loads((tmp_path / "audit.json").read_text())["audit"])
+            found.append(json.loads((tmp_path / "audit.json").read_text()))
+            del found[-1]["model"]
     assert found[0] == found[1]

@@ -1,7 +1,6 @@
-"""The page of `roletrust audit`: the curve of effect against price, and its tables, complete in one
-file.
-"""
+"""The page of `roletrust audit`: a figure and a table, complete in one file."""
 
+import math
 from base64 import b64encode
 
 from matplotlib.figure import Figure
@@ -15,6 +14,11 @@ WORDS: dict[Goal, str] = {"sink": "out of top", "lift": "into top", "enter": "ne
 """Goals of attacks in words."""
 
 
+def amount(price: float) -> str:
+    """Return a price in four digits; "none" if it is infinite, "-" if it is unknown."""
+    return "-" if math.isnan(price) else "none" if math.isinf(price) else f"{price:,.4g}"
+
+
 def audit_page(report: AuditReport, picture: bytes) -> str:
     """Return the page, which needs no other file and no network.
 
@@ -22,47 +26,31 @@ def audit_page(report: AuditReport, picture: bytes) -> str:
         report: Report of the audit.
         picture: Its figure as a PNG file.
     """
+    page = environment().get_template("audit.html")
     shown = b64encode(picture).decode()
-    return (
-        environment().get_template("audit.html").render(report=report, picture=shown, words=WORDS)
-    )
+    return page.render(report=report, picture=shown, words=WORDS, amount=amount)
 
 
 def audit_figure(report: AuditReport) -> Figure:
-    """Return what attacks up to a price reach: the share of targets that cross the edge, and the
-    ranks they move.
-    """
-    audited = report.audit
-    figure = Figure(figsize=(10, 3.6), layout="constrained")
-    labels = {"pushed": "share of targets pushed over the edge", "places": "ranks moved, mean"}
-    for axes, (name, label) in zip(figure.subplots(1, 2), labels.items(), strict=True):
-        for (goal, words), colour, dash in zip(
-            WORDS.items(), (ATTACKER, *HONEST[:2]), DASHES, strict=False
-        ):
-            points = [point for point in audited.curve if point.goal == goal]
-            prices, reach = (
-                [point.price for point in points],
-                [getattr(point, name) for point in points],
-            )
-            axes.step(
-                prices,
-                [interval.value for interval in reach],
-                where="post",
-                color=colour,
-                linestyle=dash,
-                label=words,
-            )
-            ends = [interval.low for interval in reach], [interval.high for interval in reach]
-            axes.fill_between(prices, *ends, step="post", color=colour, alpha=0.15, linewidth=0)
-        axes.set_xscale(
-            "symlog",
-            linthresh=max(
-                1e-9, min((point.price for point in audited.curve if point.price), default=1.0)
-            ),
-        )
-        axes.set_xlabel("price of the attack on one target", color=INK)
-        axes.set_ylabel(label, color=INK)
-        axes.set_ylim(bottom=0)
-        quiet(axes, "both")
-    figure.axes[0].legend(frameon=False, labelcolor=INK, fontsize=9, loc="lower right")
+    """Return the share of targets that attacks up to a price push over the edge of the top."""
+    figure = Figure(figsize=(7, 3.6), layout="constrained")
+    axes = figure.subplots()
+    prices = [point.price for point in report.curve]
+    last = 1.2 * max(prices, default=0.0)
+    for (goal, words), colour, dash in zip(
+        WORDS.items(), (ATTACKER, *HONEST[:2]), DASHES, strict=False
+    ):
+        points = [point for point in report.curve if point.goal == goal]
+        if not points:
+            continue
+        at = [0.0, *(point.price for point in points), last]
+        ends = [(0.0, 0.0, 0.0), *(point.pushed for point in points), points[-1].pushed]
+        value, low, high = zip(*ends, strict=True)
+        axes.step(at, value, where="post", color=colour, linestyle=dash, label=words)
+        axes.fill_between(at, low, high, step="post", color=colour, alpha=0.15, linewidth=0)
+    axes.set_xlabel("price of the attack on one target", color=INK)
+    axes.set_ylabel("share of targets", color=INK)
+    axes.set_ylim(0, 1.05)
+    quiet(axes, "both")
+    axes.legend(frameon=False, labelcolor=INK, fontsize=9, loc="lower right")
     return figure
