@@ -125,11 +125,8 @@ class TrustStream:
             nanoseconds("lead", lead, least=0)
             if every is None:
                 raise ValueError("a lead needs rounds by time: give every, too")
-        self.model, self.scale, self.same_agents = (
-            model,
-            scale,
-            truth_value("same_agents", same_agents),
-        )
+        self.model, self.scale = model, scale
+        self.same_agents = truth_value("same_agents", same_agents)
         self.lead, self.repeats = lead, truth_value("repeats", repeats)
         self.source: dict[str, Any] = parse_json(json.dumps(dict(source or {})).encode())
         self._pairs = PairCounts() if truth_value("keep_evidence", keep_evidence) else None
@@ -536,11 +533,8 @@ class TrustStream:
             )
         self._start, self._latest, self._begun = header.start, header.latest, header.begun
         self.calibration = header.calibration
-        self.n_late, self.n_ahead, self.n_repeated = (
-            header.n_late,
-            header.n_ahead,
-            header.n_repeated,
-        )
+        self.n_late, self.n_ahead = header.n_late, header.n_ahead
+        self.n_repeated = header.n_repeated
         waiting = (
             self._raters.check(who),
             self._providers.check(whom),
