@@ -193,10 +193,11 @@ def test_no_attack_of_hijacked_accounts_is_below_the_lower_bound(seed: int, goal
     log = tiny(seed, 2, same_agents=False)
     ranking = Ranking(make_log_model("mean"), log, MONTH, top=1)
     every = {"every": MONTH, "top": 1, "targets": 1, "budget": 1, "shrinkage": Shrinkage()}
-    report = audit(log, model="mean", prices=PAID, **every)
+    prices = replace(PAID, hijacked=0.05)
+    report = audit(log, model="mean", prices=prices, **every)
     (lower,) = (one.lower for one in report.exposures if one.goal == goal)
     rows = [Row(*row) for row in product((LAST - 2, LAST - 1), (0, 1), range(3), (0.0, 1.0))]
-    found = played(ranking, goal, rows, 2, PAID)
+    found = played(ranking, goal, rows, 2, prices)
     assert lower <= min([price for price, success in found.items() if success], default=math.inf)
 
 

@@ -36,7 +36,7 @@ def audit_figure(report: AuditReport) -> Figure:
     figure = Figure(figsize=(7, 3.6), layout="constrained")
     axes = figure.subplots()
     prices = [point.price for point in report.curve]
-    last = 1.2 * max(prices, default=0.0)
+    last = 2 * max(prices, default=1.0)
     for (goal, words), colour, dash in zip(
         WORDS.items(), (ATTACKER, *HONEST[:2]), DASHES, strict=False
     ):
@@ -48,9 +48,9 @@ def audit_figure(report: AuditReport) -> Figure:
         value, low, high = zip(*ends, strict=True)
         axes.step(at, value, where="post", color=colour, linestyle=dash, label=words)
         axes.fill_between(at, low, high, step="post", color=colour, alpha=0.15, linewidth=0)
-    axes.set_xlabel("price of the attack on one target", color=INK)
-    axes.set_ylabel("share of targets", color=INK)
-    axes.set_ylim(0, 1.05)
+    axes.set_xscale("symlog", linthresh=min(filter(None, prices), default=1.0))
+    labels = {"xlabel": "price of the attack on one target", "ylabel": "share of targets"}
+    axes.set(**labels, ylim=(0, 1.05))
     quiet(axes, "both")
     axes.legend(frameon=False, labelcolor=INK, fontsize=9, loc="lower right")
     return figure
