@@ -98,7 +98,8 @@ COMMANDS = {
         "audit {out}/log.csv.gz --same-agents --scale -10 10 --out {out}/audit",
     ],
     "real": [
-        f"compare {{logs}}/bitcoin-otc/otc_network.csv.gz {_OTC} --scale -10 10 --same-agents --out {{out}}"
+        f"compare {{logs}}/bitcoin-otc/otc_network.csv.gz {_OTC} --scale -10 10 --same-agents "
+        "--out {out}"
     ],
     "colluders": ["train CollusionAttack --stealth-weight 2 --runs 5 --out {out}/runs"],
     "universal": [

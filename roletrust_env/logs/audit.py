@@ -25,7 +25,7 @@ from roletrust_env.logs.audit_ranking import (
     Sent,
 )
 from roletrust_env.logs.audit_search import Search, search_attacks
-from roletrust_env.logs.log import Log
+from roletrust_env.logs.log import Log, check_log
 from roletrust_env.logs.models import AllTimeMean, make_log_model
 from roletrust_env.logs.rate import MODEL, rate
 from roletrust_env.logs.shrinkage import Shrinkage
@@ -188,6 +188,7 @@ def audit(
             has none.
         MemoryError: The model does not fit, see `make_run`.
     """
+    check_log(log)
     if prices.day and every is None:
         raise ValueError(
             f"prices.day is {prices.day:g}; without the length of a round it must be 0"

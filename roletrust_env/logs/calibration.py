@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from roletrust_env.logs.log import Log
 from roletrust_env.logs.log_rounds import played
@@ -22,6 +22,8 @@ from roletrust_env.randomness import generator
 from roletrust_env.storage.untrusted import UntrustedModel
 from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
+
+_DIGITS = 12  # what differs less is equal
 
 CUTS = 9
 """Number of cuts of a log."""
@@ -59,7 +61,7 @@ class Group(UntrustedModel):
     low: float = Field(ge=-1, le=1)
     """Lower end of the interval, from the estimate on."""
     high: float = Field(ge=-1, le=1)
-    """Upper end of the interval, from the estimate on."""
+    """Upper end of the interval, from the estimate on, not below the lower one."""
     agents: int = Field(ge=0)
     """Number of later means at the later cuts."""
     coverage: float | None = Field(ge=0, le=1)
@@ -80,9 +82,17 @@ class Calibration(UntrustedModel):
     level: float = Field(ge=0, le=1)
     """Share of the residuals of its group that an interval leaves out."""
     coverage: float = Field(ge=0, le=1)
-    """Share of the later means at the later cuts that the intervals of their time covered."""
-    groups: tuple[Group, ...] = Field(min_length=len(RATERS), max_length=len(RATERS))
+    """Share of later means at the later cuts that intervals covered, by levels of earlier cuts."""
+    groups: tuple[Group, ...]
     """Groups by number of raters, ascending, as in `RATERS`."""
+
+    @model_validator(mode="after")
+    def _check(self) -> "Calibration":
+        if tuple(group.raters for group in self.groups) != RATERS:
+            raise ValueError(f"groups must begin with {RATERS} raters")
+        if any(group.low > group.high for group in self.groups):
+            raise ValueError("an interval ends below its lower end")
+        return self
 
     @property
     def shrinkage(self) -> Shrinkage:
@@ -141,55 +151,59 @@ def first(log: Log, some: Any) -> Log:
     )
 
 
-def calibrated(log: Log, pasts: Sequence[Past]) -> Calibration | None:
+def calibrated(log: Log, pasts: Sequence[Past], final: Shrinkage) -> Calibration | None:
     """Return what the past of a log says about its trust; None if it has too few later ratings.
 
     Args:
         log: Log.
         pasts: Trust at its cuts, ascending.
+        final: How trust is drawn to its mean at the end, if it is.
     """
     if len(pasts) < 2:
         return None
     seen, end = _Seen.of(log, [past.taken for past in pasts]), len(pasts)
-    shrinkages = [
-        Shrinkage.fitted(first(log, slice(past.taken)), past.trust[number > 0])
-        for past, number in zip(pasts, seen.raters, strict=True)
-    ]
     trust = [past.trust for past in pasts]
     shrunken = [
-        shrinkage.of(one, number)
-        for shrinkage, one, number in zip(shrinkages, trust, seen.raters, strict=True)
+        Shrinkage.fitted(first(log, slice(past.taken)), past.trust[number > 0]).of(
+            past.trust, number
+        )
+        for past, number in zip(pasts, seen.raters, strict=True)
     ]
     later = range(max(end // 2, 1), end)
     plain, drawn = (seen.forecasts(scores, later) for scores in (trust, shrunken))
     estimates = shrunken if (drawn > plain).all() else trust
-    p, group = np.zeros(0), np.zeros(0, np.int64)
+    p, group, covered = np.zeros(0), np.zeros(0, np.int64), np.zeros(0, bool)
     for at in later:
         groups, residuals = seen.residuals(estimates, [at], end)
-        known = seen.residuals(estimates, range(at), at)
-        p = np.append(p, _p_values(known, groups, residuals))
-        group = np.append(group, groups)
+        new = _p_values(seen.residuals(estimates, range(at), at), groups, residuals)
+        covered = np.append(covered, new > _level(p))
+        p, group = np.append(p, new), np.append(group, groups)
     if len(p) < FEWEST:
         return None
-    wanted = np.nextafter(np.sort(p)[int((1 - COVERED) * len(p))], 0.0)
-    level = min(float(wanted), 1 - COVERED)
-    known = seen.residuals(estimates, range(end), end)
+    level, known = _level(p), seen.residuals(estimates, range(end), end)
     found = list[Group]()
     for number, least in enumerate(RATERS):
         low, high = _ends(_near(known, number), level)
-        covered = p[group == number] > level
-        share = float(covered.mean()) if len(covered) else None
-        found.append(Group(raters=least, low=low, high=high, agents=len(covered), coverage=share))
-    final = Shrinkage.fitted(log, trust[-1][seen.raters[-1] > 0])
+        own = covered[group == number]
+        share = float(own.mean()) if len(own) else None
+        found.append(Group(raters=least, low=low, high=high, agents=len(own), coverage=share))
     return Calibration(
         mean=final.mean,
         weight=final.weight if estimates is shrunken else 0.0,
         trust_forecast=float(plain.mean()),
         estimate_forecast=float(drawn.mean()),
         level=level,
-        coverage=float((p > level).mean()),
+        coverage=float(covered.mean()),
         groups=tuple(found),
     )
+
+
+def _level(p: Floats) -> float:
+    """Return the greatest level, up to 5%, that at least 95% of some p-values exceed."""
+    if not len(p):
+        return 1 - COVERED
+    wanted = np.nextafter(np.sort(p)[int((1 - COVERED) * len(p))], 0.0)
+    return min(float(wanted), 1 - COVERED)
 
 
 class _Seen(NamedTuple):
@@ -226,7 +240,7 @@ class _Seen(NamedTuple):
         counts = self.counts[until] - self.counts[cut]
         there = np.flatnonzero((self.raters[cut] > 0) & (counts > 0))
         sums = self.sums[until] - self.sums[cut]
-        return there, sums[there] / counts[there]
+        return there, np.round(sums[there] / counts[there], _DIGITS)
 
     def residuals(
         self, estimates: Sequence[Floats], some: Iterable[int], until: int
@@ -248,7 +262,7 @@ class _Seen(NamedTuple):
         found = list[float]()
         for cut in some:
             there, means = self.later(cut, len(scores))
-            ranked = correlation(ranks(scores[cut][there]), ranks(means))
+            ranked = correlation(ranks(np.round(scores[cut][there], _DIGITS)), ranks(means))
             found.append(ranked(np.ones(len(there))))
         return np.nan_to_num(found)
 

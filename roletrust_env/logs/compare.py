@@ -15,9 +15,10 @@ from roletrust_env.logs.forecasts import (
     rated_before,
     rater_forward,
 )
-from roletrust_env.logs.log import Log, TooSmallError
+from roletrust_env.logs.log import Log, TooSmallError, check_log
 from roletrust_env.logs.models import LOG_MODELS, make_log_model
 from roletrust_env.logs.replay import Attack, Replay, Shift, replay_attacks
+from roletrust_env.logs.units import check_scale
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.metrics.resampling import RESAMPLES
 from roletrust_env.randomness import generator
@@ -30,6 +31,8 @@ MONTH = 2_592_000.0
 
 _HALF = 0.5
 """A model that keeps less of 1 under attack does not resist."""
+
+_TIE = 1e-9  # a smaller difference is none
 
 _NOTHING = Interval(math.nan, math.nan, math.nan)
 
@@ -158,6 +161,8 @@ def compare(
     Raises:
         ValueError: The log has no times, nothing could be measured, or there is no such model.
     """
+    check_log(log)
+    check_scale(scale)
     made = {name: make_log_model(name) for name in models or default_models()}
     rows, left_out, evaluated = list[Row](), list[str](), dict[str, Evaluated]()
     for done, (name, model) in enumerate(made.items()):
@@ -276,8 +281,10 @@ def decide(
     good = [
         k
         for k, standing in zip(order.tolist(), standings, strict=True)
-        if k == best or standing.behind.high >= 0
+        if k == best or standing.behind.high >= -_TIE
     ]
+    if not standings[0].forecast.low > 0:
+        return standings, "", "No forecast is significantly better than chance."
     if len(names) == 1:
         return standings, "", "There is one model with a forecast."
     reason = "Its forecast is significantly better than all others."
@@ -330,11 +337,11 @@ def _forecasts(
 
 def _correlations(trust: Floats, values: Floats, weights: Floats) -> Floats:
     """Return the weighted correlation of each row with values, shape (M,)."""
-    total = weights.sum()
-    x = trust - (trust @ weights / total)[:, None]
-    y = values - values @ weights / total
-    spread = np.sqrt((x * x) @ weights * ((y * y) @ weights))
     with np.errstate(invalid="ignore", divide="ignore"):
+        total = weights.sum()
+        x = trust - (trust @ weights / total)[:, None]
+        y = values - values @ weights / total
+        spread = np.sqrt((x * x) @ weights * ((y * y) @ weights))
         found: Floats = (x * y) @ weights / spread
     return found
 
@@ -350,6 +357,6 @@ def _kept(model: Evaluated, seed: int) -> Floats | None:
 
 
 def _interval(value: float, draws: Floats) -> Interval:
-    """Return a value with the 95% interval of its resamples."""
-    low, high = np.nanpercentile(draws, [2.5, 97.5])
+    """Return a value with the 95% interval of its resamples; without one if some are undefined."""
+    low, high = np.percentile(draws, [2.5, 97.5])
     return Interval(value, float(low), float(high))

@@ -16,6 +16,9 @@ from roletrust_env.trust.stored import taken
 _NEVER = -(2**63)
 """Time of an agent without ratings, NumPy's NaT."""
 
+_MANY = 2**32
+"""More ratings of a pair than a file of a stream can hold."""
+
 _DATES = 10**17
 """Nanoseconds from which on times are shown as dates: those of 1973."""
 
@@ -147,7 +150,10 @@ class PairCounts:
         counts = taken(arrays, "met_counts", np.int64, keys.shape)
         last = taken(arrays, "met_last", np.int64, keys.shape)
         check_keys(keys, shape)
-        if not (counts > 0).all() or not (last <= (_NEVER if latest is None else latest)).all():
+        if (
+            not ((counts > 0) & (counts < _MANY)).all()
+            or not (last <= (_NEVER if latest is None else latest)).all()
+        ):
             raise ValueError("a pair that met has no rating, or one after the latest")
         self._index, self._counts, self._last = KeyIndex.of(keys), counts, last
 

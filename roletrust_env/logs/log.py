@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from roletrust_env.logs.columns import COLUMNS, Column, find_columns
+from roletrust_env.logs.evidence import window
 from roletrust_env.logs.names import NameList
 from roletrust_env.logs.sources import Reading, Source, open_source
 from roletrust_env.logs.units import check_scale, number_text, unit_ratings
@@ -56,6 +57,16 @@ class Log(NamedTuple):
     def same_agents(self) -> bool:
         """True if members rate members, so that a rater and a ratee of one name are one agent."""
         return self.rater_names is self.ratee_names
+
+
+def check_log(log: Any) -> None:
+    """Refuse what is no log.
+
+    Raises:
+        TypeError: It is something else, such as a data frame.
+    """
+    if not isinstance(log, Log):
+        raise TypeError(f"the log is a {type(log).__name__}; it must be a Log, which read returns")
 
 
 def read(
@@ -165,8 +176,7 @@ def _checked(
     else:
         log = Log(who, whom, values, None, raters, ratees)
     if log.times is not None:
-        ends = log.times[[0, -1]].view("datetime64[ns]").astype("datetime64[s]")
-        named += f", from {ends[0]} to {ends[1]}"
+        named += ", from {since} to {until}".format(**window(log.times))
     return log._replace(notes=(f"Read as {opened.about}: {named}.", *notes, *_warnings(log)))
 
 

@@ -1,7 +1,6 @@
 """Which agents to trust, from ratings: `rate` and what it returns."""
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import partial
 from importlib.metadata import version
@@ -18,10 +17,13 @@ from roletrust_env.logs.log import Log, read
 from roletrust_env.logs.log_rounds import numbers_of
 from roletrust_env.logs.models import make_log_model
 from roletrust_env.logs.names import NameList
+from roletrust_env.logs.shrinkage import Shrinkage
 from roletrust_env.logs.sources import Reading
 from roletrust_env.logs.stream import TrustStream
+from roletrust_env.logs.units import check_scale
 from roletrust_env.storage.files import prepare_folder
 from roletrust_env.storage.tables import write_table
+from roletrust_env.trust.edges import runs_on_edges
 from roletrust_env.trust.trust_run import TrustRun
 
 MODEL = "leave-one-out"
@@ -47,7 +49,7 @@ class Rated:
         self,
         stream: TrustStream,
         model: str,
-        columns: Mapping[str, Any],
+        columns: Mapping[str, Any] | None,
         *,
         log: Log | None = None,
         notes: Sequence[str] = (),
@@ -57,12 +59,12 @@ class Rated:
         Args:
             stream: Stream with evidence.
             model: Name of its trust model.
-            columns: Arguments of `read` for further ratings.
+            columns: Arguments of `read` for further ratings; None if they must be a `Log`.
             log: See the attributes.
             notes: See the attributes.
         """
         self.stream, self.model, self.log, self.notes = stream, model, log, tuple(notes)
-        self._columns = dict(columns)
+        self._columns = columns
         self._finished: TrustStream | None = None
         self._tables = dict[Role, Any]()
         self._left_out = _left_out(stream)
@@ -93,7 +95,13 @@ class Rated:
         return self._counted().rounds
 
     def evidence(self, role: Role) -> Evidence:
-        """Return trust in the agents of a role that have ratings, with its evidence."""
+        """Return trust in the agents of a role that have ratings, with its evidence.
+
+        Raises:
+            ValueError: There is no such role.
+        """
+        if role not in ROLES:
+            raise ValueError(f"there is no role {role!r}; roles are {' and '.join(ROLES)}")
         return self._counted().evidence(role)
 
     def table(self, role: Role) -> Any:
@@ -140,13 +148,12 @@ class Rated:
             columns[name] = arrow.DictionaryArray.from_arrays(same, texts)
         return arrow.table(columns).take(found.ranked(scores.get("estimate")))
 
-    def write(self, out: Path, advance: Callable[[int], None] = lambda rows: None) -> list[Path]:
+    def write(self, out: Path | str) -> list[Path]:
         """Write the tables of both roles: `ratees.csv` and `raters.csv` in a folder, or a single
         Parquet file.
 
         Args:
             out: Folder, or a file that ends in `.parquet`.
-            advance: Function that is called with a number of rows that were written.
 
         Returns:
             The files.
@@ -156,17 +163,16 @@ class Rated:
         """
         import pyarrow as arrow
 
-        single = out.suffix == ".parquet"
+        out = Path(out)
+        single = out.suffix.lower() == ".parquet"
+        tables = {out / f"{role}s.csv": self.table(role) for role in ROLES}
+        if single:
+            whole = arrow.concat_tables(tables.values(), promote_options="default")
+            tables = {out: whole.unify_dictionaries()}
         prepare_folder(out.parent if single else out)
-        with ThreadPoolExecutor() as pool:
-            tables = dict(zip(ROLES, pool.map(self.table, ROLES), strict=True))
-            if single:
-                whole = arrow.concat_tables(tables.values(), promote_options="default")
-                write_table(out, whole.unify_dictionaries(), advance=advance)
-                return [out]
-            paths = [out / f"{role}s.csv" for role in tables]
-            list(pool.map(partial(write_table, advance=advance), paths, tables.values()))
-            return paths
+        for path, table in tables.items():
+            write_table(path, table)
+        return list(tables)
 
     def explain(
         self, agent: str, role: Role = "ratee", advance: Advance = lambda what, share: None
@@ -178,7 +184,8 @@ class Rated:
         """
         if self.log is None:
             raise ValueError("an explanation needs all ratings: rate the whole log without a state")
-        place = find_agent(self.log, agent, (role,))[role]
+        self.evidence(role)  # refuses an unknown role
+        place = find_agent(self.log, str(agent), (role,))[role]
         numbers = numbers_of(self.log, self.stream.every)
         what = f"Explaining trust in the {role} {agent}"
         return explained(
@@ -200,14 +207,14 @@ class Rated:
             ValueError: They cannot be read, or do not fit. Nothing is changed then.
             OSError: The file cannot be read.
         """
-        log = source if isinstance(source, Log) else read(source, **self._columns)
+        if not isinstance(source, Log) and self._columns is None:
+            raise ValueError("the first ratings were a Log, so further ones must be one, too")
+        log = source if isinstance(source, Log) else read(source, **(self._columns or {}))
         raters, ratees = (
             np.array(list(NameList.of(names).at(places)), object)
             for names, places in ((log.rater_names, log.raters), (log.ratee_names, log.ratees))
         )
-        times = None
-        if self.stream.every is not None and log.times is not None:
-            times = log.times.view("datetime64[ns]")
+        times = None if log.times is None else log.times.view("datetime64[ns]")
         self.stream.update(raters, ratees, log.values, times)
         self.log, self._finished, self._tables, self.notes = None, None, {}, log.notes
         before, self._left_out = self._left_out, _left_out(self._counted())
@@ -217,7 +224,20 @@ class Rated:
             self.notes = (*log.notes, words)
 
     def save(self, path: Path | str) -> None:
-        """Write a state, with which `rate` continues, see `TrustStream.save`."""
+        """Write a state, with which `rate` continues, see `TrustStream.save`.
+
+        Raises:
+            ValueError: There are no rounds by time, the model keeps numbers for all pairs, or
+                raters are trusted beforehand.
+            OSError: The file cannot be written.
+        """
+        model = self.stream.model
+        seeds = getattr(model, "seeds", None)
+        if self.stream.every is None or not runs_on_edges(model) or seeds:
+            raise ValueError(
+                "a state needs rounds by time (every), and a model that keeps no numbers for all "
+                "pairs, without trusted raters"
+            )
         self.stream.save(path)
 
     def _counted(self) -> TrustStream:
@@ -269,7 +289,8 @@ def rate(
         state: File of earlier ratings, which takes these, too; needs `every`. Its ratings count,
             and those of a round that has ended are left out, so the source may be the whole log or
             its new part.
-        seed: Random seed of what is drawn to calibrate a log without times.
+        seed: Random seed of what is drawn to calibrate a log in a single round: its order if it has
+            no times, and raters if it has more than a million ratings.
         advance: See `Advance`.
 
     Raises:
@@ -285,39 +306,44 @@ def rate(
         [['shop', 0.6875, 2], ['bar', 0.25, 1]]
     """
     named = {"rater": rater, "ratee": ratee, "rating": rating, "time": time}
-    columns: dict[str, Any] = {
-        **named,
-        "scale": scale,
-        "same_agents": same_agents,
-        "reading": reading,
-    }
+    check_scale(scale)
+    columns: dict[str, Any] | None = None
+    if not isinstance(source, Log):
+        columns = {**named, "scale": scale, "same_agents": same_agents, "reading": reading}
+    elif same_agents and not source.same_agents:
+        raise ValueError("same_agents is True, and the log was read without it")
     name, made = (model, make_log_model(model)) if isinstance(model, str) else (repr(model), model)
+    if isinstance(trusted, str):
+        raise ValueError(f"trusted is {trusted!r}; it must be a list of names")
     if state is not None and (trusted or every is None):
         raise ValueError("a state needs rounds by time (every), and takes no trusted raters")
+    if state is not None and not runs_on_edges(made):
+        raise ValueError(f"{name} keeps numbers for all pairs, so it has no state")
     if trusted and not hasattr(made, "seeds"):
         raise ValueError(
             f"{name} has no seeds for trusted raters; merit-rank and personalized-pagerank have"
         )
     advance("Reading", 0.0)
-    log = source if isinstance(source, Log) else read(source, **columns)
+    log = source if columns is None else read(source, **columns)
     advance("Playing rounds", 0.0)
-    kept = asdict(replace(reading, repeats=False)) | {"missing": list(reading.missing)}
-    given = {column: text for column, text in named.items() if text is not None}
-    settings: dict[str, Any] = {
-        "repeats": reading.repeats,
-        "keep_evidence": True,
-        "source": {**kept, "columns": given, "scale": list(scale)},
-    }
+    settings: dict[str, Any] = {"keep_evidence": True}
+    if columns is not None:
+        kept = asdict(replace(reading, repeats=False)) | {"missing": list(reading.missing)}
+        given = {column: text for column, text in named.items() if text is not None}
+        ends = [float(end) for end in scale]
+        settings["source"] = {**kept, "columns": given, "scale": ends}
     if state is None:
+        settings["repeats"] = reading.repeats or columns is None
         if trusted:
-            seeds = tuple(find_agent(log, one, ("rater",))["rater"] for one in trusted)
+            seeds = tuple(find_agent(log, str(one), ("rater",))["rater"] for one in trusted)
             made = replace(made, seeds=seeds)
-        stream = _whole(made, log, every, seed, advance, settings)
-        return Rated(stream, name, columns, log=log, notes=log.notes)
+        return _whole(made, name, log, columns, every, seed, advance, settings)
+    settings["repeats"] = reading.repeats
     begun = partial(TrustStream.opened, every=every, same_agents=log.same_agents)
     with begun(state, made, **settings) as stream:
         if stream.window is None:  # there are no earlier ratings
-            stream.calibration = _whole(made, log, every, seed, advance, settings).calibration
+            first = _whole(made, name, log, columns, every, seed, advance, settings)
+            stream.calibration = first.calibration
         rated = Rated(stream, name, columns)
         rated.update(log)
     return rated
@@ -325,13 +351,15 @@ def rate(
 
 def _whole(
     model: Any,
+    name: str,
     log: Log,
+    columns: Mapping[str, Any] | None,
     every: float | None,
     seed: int,
     advance: Advance,
     settings: Mapping[str, Any],
-) -> TrustStream:
-    """Return a stream that has taken a whole log, and is calibrated on its past."""
+) -> Rated:
+    """Return trust after a whole log, calibrated on its past."""
     many, wanted, pasts = len(log.values), set[int](), list[Past]()
     if every is not None:
         wanted = set(cuts(log, numbers_of(log, every)).tolist())
@@ -346,5 +374,7 @@ def _whole(
     part = log
     if every is None:
         part, pasts = replayed(model, log, seed)
-    stream.calibration = calibrated(part, pasts)
-    return stream
+    rated = Rated(stream, name, columns, log=log, notes=log.notes)
+    final = Shrinkage.fitted(log, rated.evidence("ratee").trust)
+    stream.calibration = calibrated(part, pasts, final)
+    return rated

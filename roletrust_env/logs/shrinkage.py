@@ -32,8 +32,8 @@ class Shrinkage(NamedTuple):
             log: Log.
             trust: Trust in its ratees with ratings, shape (n,), at least one.
         """
-        size, n = len(trust), len(log.values)
-        counts = np.bincount(log.ratees)
+        counts, n = np.bincount(log.ratees), len(log.values)
+        size = int(np.count_nonzero(counts))
         means = ratio(np.bincount(log.ratees, log.values), counts)
         within = float(((log.values - means[log.ratees]) ** 2).sum()) / max(n - size, 1)
         there = counts > 0

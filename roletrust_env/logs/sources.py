@@ -353,6 +353,8 @@ def value_column(values: Sequence[Any]) -> Any:
     kinds = {type(value) for value in known}
     if len(kinds) > 1 and not kinds <= {int, float, str, Decimal}:
         raise ValueError(f"there are values of the types {sorted(k.__name__ for k in kinds)}")
+    if Decimal in kinds and float in kinds and str not in kinds:
+        return arrow.array([None if value is None else float(value) for value in values])
     if str in kinds and len(kinds) > 1:
         return arrow.array([None if value is None else _plain_text(value) for value in values])
     return arrow.array(values)

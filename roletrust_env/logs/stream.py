@@ -17,7 +17,7 @@ from roletrust_env.logs.evidence import Evidence, PairCounts, Role
 from roletrust_env.logs.log import Log
 from roletrust_env.logs.log_rounds import numbers_of
 from roletrust_env.logs.names import NameIndex, NameList, Names
-from roletrust_env.logs.rounds import judged, nanoseconds, round_numbers, spans
+from roletrust_env.logs.rounds import nanoseconds, round_numbers, spans
 from roletrust_env.logs.stream_columns import (
     StreamColumns,
     among,
@@ -48,15 +48,10 @@ class TrustStream:
     ratings of a pair in a round count as one, their mean.
 
     A rating is late if an earlier batch, or `finish`, has ended its round, also where it came
-    before. It is ahead if it is later than all ratings before it by more than the lead; these are
-    the ratings of earlier batches, and those of its own batch in the order of time. Where none is
-    late or ahead, neither the cuts into batches nor the order within a round matter. Otherwise the
-    cuts decide which are: what had come before a batch is what its ratings are compared with. Late
-    ratings are left out, so that trust is that of one log of the ratings that were accepted.
-
-    One time that is wrong by years ends all rounds before it, and later ratings are late: a lead
-    prevents that. After a silence longer than the lead all ratings are ahead until `lead` is
-    raised.
+    before. Where none is late, neither the cuts into batches nor the order within a round matter.
+    Late ratings are left out, so that trust is that of one log of the ratings that were accepted.
+    A time that is wrong by years ends all rounds before it, and later ratings are late: check the
+    times before.
 
     Example:
         >>> from roletrust_env import make_trust_model
@@ -71,8 +66,6 @@ class TrustStream:
         every: Length of a round in seconds; None if rounds do not go by time.
         same_agents: Whether a rater and a provider of the same name are one agent, as where members
             rate members.
-        lead: Longest time in seconds by which a rating may be ahead; those further ahead are left
-            out. None if there is no limit. May be changed at any time, as `repeats`.
         repeats: Whether a rating counts again that repeats one of its round, with the same time.
             Otherwise it is left out, so that a batch which may have been taken can be sent again.
         source: Further settings that must be the same whenever the stream is continued, such as how
@@ -80,7 +73,6 @@ class TrustStream:
         calibration: What is known of how far trust is from later ratings; None if nothing is. It is
             saved with the stream.
         n_late: Number of late ratings so far.
-        n_ahead: Number of ratings so far that were left out because they are ahead.
         n_repeated: Number of ratings so far that were left out because they repeat another one.
     """
 
@@ -92,7 +84,6 @@ class TrustStream:
         every: float | None = None,
         same_agents: bool = False,
         agents: tuple[Any, Any] | None = None,
-        lead: float | None = None,
         repeats: bool = True,
         keep_evidence: bool = False,
         source: Mapping[str, Any] | None = None,
@@ -106,8 +97,6 @@ class TrustStream:
             same_agents: Whether a rater and a provider of the same name are one agent.
             agents: Names of raters and of providers that are present from the start. A model that
                 does not run on edges needs them, since it keeps numbers for all pairs.
-            lead: Longest time by which a rating may be ahead, in seconds, at least 0; it needs
-                `every`.
             repeats: Whether repeated ratings count again.
             keep_evidence: Whether the ratings of each pair are counted, for `evidence`.
             source: Further settings by name, which a state keeps: plain data.
@@ -121,17 +110,13 @@ class TrustStream:
         """
         check_scale(scale)
         self._every = None if every is None else nanoseconds("every", every)
-        if lead is not None:
-            nanoseconds("lead", lead, least=0)
-            if every is None:
-                raise ValueError("a lead needs rounds by time: give every, too")
         self.model, self.scale = model, scale
         self.same_agents = truth_value("same_agents", same_agents)
-        self.lead, self.repeats = lead, truth_value("repeats", repeats)
+        self.repeats = truth_value("repeats", repeats)
         self.source: dict[str, Any] = parse_json(json.dumps(dict(source or {})).encode())
         self._pairs = PairCounts() if truth_value("keep_evidence", keep_evidence) else None
         self.calibration: Calibration | None = None
-        self.n_late = self.n_ahead = self.n_repeated = 0
+        self.n_late = self.n_repeated = 0
         self.every = None if every is None else float(every)
         self._raters = NameIndex("raters")
         self._providers = self._raters if self.same_agents else NameIndex("providers")
@@ -226,13 +211,14 @@ class TrustStream:
             providers: Name or number of the provider of each rating, shape (n,).
             ratings: Ratings, shape (n,), on the scale of the stream.
             times: Time of each rating, shape (n,), in any order within the batch; needed with
-                `every`, not allowed without it. Numbers are seconds, decimals to the microsecond.
-                Dates are those of NumPy, pandas, Arrow and `datetime`, and texts of ISO 8601, all
-                with a time zone or all without one, which is UTC then.
+                `every`. Without it they tell when agents were rated last. Numbers are seconds,
+                decimals to the microsecond. Dates are those of NumPy, pandas, Arrow and
+                `datetime`, and texts of ISO 8601, all with a time zone or all without one, which is
+                UTC then.
 
         Raises:
-            ValueError: The columns do not fit together, or a value is not allowed; or, without a
-                lead, a time is more than a million rounds ahead. Nothing is changed then.
+            ValueError: The columns do not fit together, or a value is not allowed, or a time is
+                more than a million rounds ahead. Nothing is changed then.
         """
         who, whom = self._raters.check(raters), self._providers.check(providers)
         if self.same_agents and len(who) and len(whom) and who.dtype != whom.dtype:
@@ -243,18 +229,19 @@ class TrustStream:
         values = unit_ratings(number_column("ratings", ratings, len(who)), self.scale)
         if len(whom) != len(who):
             raise ValueError(f"there are {len(who)} raters and {len(whom)} providers")
-        if (times is None) != (self.every is None):
-            raise ValueError(
-                "times are given"
-                if self.every is None
-                else "times are missing; rounds go by time here"
-            )
+        if times is None and self.every is not None:
+            raise ValueError("times are missing; rounds go by time here")
         if self.same_agents and (own := np.flatnonzero(who == whom)).size:
             raise ValueError(f"rating {own[0] + 1} is of {who[own[0]]!s} by itself")
+        column = None if times is None else time_column(times, len(who))
         if self.every is None:
-            self._play(who, whom, values)
-        elif len(who):
-            self._wait((who, whom, values, time_column(times, len(who))))
+            if column is not None and len(column):
+                known = [time for time in (self._start, self._latest) if time is not None]
+                self._start = min([int(column.min()), *known])
+                self._latest = max([int(column.max()), *known])
+            self._play(who, whom, values, column)
+        elif column is not None and len(who):
+            self._wait((who, whom, values, column))
 
     def _round_numbers(self, times: Ints, start: int) -> Ints:
         """Return the number of the round in which each rating counts: the running one, if its own
@@ -271,11 +258,11 @@ class TrustStream:
             ValueError: A time is too far away. Nothing is changed then.
         """
         assert self._every is not None  # only ratings with times wait
-        lead = None if self.lead is None else nanoseconds("lead", self.lead, least=0)
-        start, late, ahead = judged(
-            columns[3], self._every, lead, self._start, self._latest, self.rounds
-        )
-        there = ~(ahead | late)
+        times, start = columns[3], self._start
+        if start is None or not self.rounds:  # round 0 begins at the earliest time until it ends
+            start = min([int(times.min()), *([] if start is None else [start])])
+        numbers = round_numbers(np.maximum(times, start), self._every, start, self.rounds)
+        there = (numbers >= self.rounds) & (times >= start)
         own: StreamColumns = tuple(column[there] for column in columns)  # type: ignore[assignment]
         if there.any():
             parts = [*self._waiting, own]
@@ -291,8 +278,7 @@ class TrustStream:
             self._latest = int(own[3].max(initial=start if self._latest is None else self._latest))
             self._start, self._waiting, self._begun = start, parts, True
             self._expect_names()
-        self.n_late += int(late.sum())
-        self.n_ahead += int(ahead.sum())
+        self.n_late += int((~there).sum())
 
     def _together(self, parts: list[StreamColumns]) -> StreamColumns:
         """Return ratings that wait as columns, without those that repeat another one, unless they
@@ -419,7 +405,6 @@ class TrustStream:
             _begun=self._begun,
             calibration=self.calibration,
             n_late=self.n_late,
-            n_ahead=self.n_ahead,
             n_repeated=self.n_repeated,
             texts=[names.tolist() if names.dtype == object else None for names in people],
         )
@@ -447,8 +432,7 @@ class TrustStream:
             path: File that `save` has written. It holds plain numbers and texts, and no code is
                 run.
             model: Trust model, with the same parameters.
-            **settings: Arguments of the constructor, the same as before; `lead` and `repeats` may
-                differ.
+            **settings: Arguments of the constructor, the same as before; `repeats` may differ.
 
         Raises:
             ValueError: The file is no saved stream, is damaged, or is of another model or of other
@@ -533,8 +517,7 @@ class TrustStream:
             )
         self._start, self._latest, self._begun = header.start, header.latest, header.begun
         self.calibration = header.calibration
-        self.n_late, self.n_ahead = header.n_late, header.n_ahead
-        self.n_repeated = header.n_repeated
+        self.n_late, self.n_repeated = header.n_late, header.n_repeated
         waiting = (
             self._raters.check(who),
             self._providers.check(whom),
@@ -586,7 +569,7 @@ class TrustStream:
         times: Ints | None = None,
     ) -> None:
         places = self._raters.places(raters), self._providers.places(providers)
-        self._count(*places, values, None if self.every is None else times)
+        self._count(*places, values, times)
 
     def _count(self, raters: Ints, providers: Ints, values: Floats, times: Ints | None) -> None:
         """Play a round, by the places of the agents."""

@@ -22,12 +22,11 @@ class StreamHeader(UntrustedModel):
 
     format: Literal[7] = 7
     settings: dict[str, Any]
-    start: int | None = Field(alias="_start")
-    latest: int | None = Field(alias="_latest")
+    start: int | None = Field(alias="_start", gt=-(2**63), lt=2**63)
+    latest: int | None = Field(alias="_latest", gt=-(2**63), lt=2**63)
     begun: bool = Field(alias="_begun")
     calibration: Calibration | None
     n_late: NonNegativeInt
-    n_ahead: NonNegativeInt
     n_repeated: NonNegativeInt
     texts: list[list[str] | None] = Field(min_length=4, max_length=4)
     """Names of raters, of providers, and of both in ratings that wait; None where they are whole

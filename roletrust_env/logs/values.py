@@ -68,7 +68,9 @@ def plain_column(column: Any) -> Any:
     import pyarrow as arrow
 
     kinds = arrow.types
-    if kinds.is_dictionary(column.type) and column.num_chunks:  # a library may have codes that cannot be cast
+    if (
+        kinds.is_dictionary(column.type) and column.num_chunks
+    ):  # a library may have codes that cannot be cast
         chunks = [(plain_column(chunk.dictionary), chunk.indices) for chunk in column.chunks]
         column = arrow.chunked_array([values.take(codes) for values, codes in chunks])
     kind = column.type
@@ -243,7 +245,7 @@ def time_nanoseconds(column: Any, reading: Reading, row: Row) -> Ints:
         numbers, most = column.to_numpy(), _LATEST // factor
         ends = int(numbers.min(initial=0)), int(numbers.max(initial=0))
         if not column.null_count and -most <= ends[0] and ends[1] <= most:
-            return numbers.astype(np.int64) * factor
+            return np.asarray(numbers, np.int64) * factor
         column = column.cast(arrow.decimal128(38, 0))
     if kinds.is_floating(column.type):
         return _parsed(column, _float_times(factor), row)

@@ -1,10 +1,10 @@
-"""Random sequences of ratings that are late, ahead, repeated and out of order, and what a stream
-must make of them."""
+"""Random sequences of ratings that are late, repeated and out of order, and what a stream must make
+of them."""
 
 import math
 import random
 from collections import Counter
-from typing import Any, NamedTuple, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -16,38 +16,22 @@ EVERY = 10.0
 Rating = tuple[int, int, float, float]
 
 
-class Policy(NamedTuple):
-    """Settings of a stream."""
-
-    lead: float | None = None
-    repeats: bool = True
-
-
 class Reference:
     """The policies, rating by rating: which ratings count, and in which round."""
 
-    def __init__(self, policy: Policy) -> None:
-        self.policy, self.rounds = policy, 0
+    def __init__(self, *, repeats: bool) -> None:
+        self.repeats, self.rounds = repeats, 0
         self.start = self.latest = math.nan
         self.running: list[Rating] = []
         self.ended: list[list[Rating]] = []
-        self.late = self.ahead = self.repeated = 0
+        self.late = self.repeated = 0
 
     def update(self, batch: list[Rating]) -> None:
         """Take a batch."""
-        times = sorted(rating[3] for rating in batch)
-        known = times[len(times) // 2] if math.isnan(self.latest) else self.latest
-        reach, back = known, known
-        for when in times:
-            if when <= reach + (math.inf if self.policy.lead is None else self.policy.lead):
-                reach = max(reach, when)
-        for when in reversed(times):
-            if when >= back - (math.inf if self.policy.lead is None else self.policy.lead):
-                back = min(back, when)
-        taken = [rating for rating in batch if rating[3] <= reach]
-        self.ahead += len(batch) - len(taken)
+        taken = batch
         if not self.rounds:
-            self.start = min([back, *([] if math.isnan(self.start) else [self.start])])
+            earliest = min(rating[3] for rating in batch)
+            self.start = earliest if math.isnan(self.start) else min(self.start, earliest)
         first = max(self.start + self.rounds * EVERY, self.start)
         self.late += sum(rating[3] < first for rating in taken)
         taken = [rating for rating in taken if rating[3] >= first]
@@ -67,7 +51,7 @@ class Reference:
         self.rounds += 1
 
     def _distinct(self, ratings: list[Rating]) -> list[Rating]:
-        distinct = ratings if self.policy.repeats else list(dict.fromkeys(ratings))
+        distinct = ratings if self.repeats else list(dict.fromkeys(ratings))
         self.repeated += len(ratings) - len(distinct)
         return distinct
 
@@ -99,12 +83,8 @@ class Reference:
         ]
 
 
-def some_policy(rng: random.Random) -> Policy:
-    return Policy(rng.choice([None, 0, 15.0, 40.0]), rng.random() < 0.5)
-
-
 def some_batches(rng: random.Random, most: int = 8) -> list[list[Rating]]:
-    """Return so many batches at most near a clock that goes on: some late, some far ahead; and
+    """Return so many batches at most near a clock that goes on: some late, some long after; and
     copies of them."""
     clock, sent, batches = 0.0, list[Rating](), list[list[Rating]]()
     for _ in range(rng.randint(1, most)):
@@ -147,11 +127,7 @@ def check_end(stream: TrustStream, reference: Reference) -> None:
             )
             == wanted
         )
-    assert (stream.n_late, stream.n_ahead, stream.n_repeated) == (
-        reference.late,
-        reference.ahead,
-        reference.repeated,
-    )
+    assert (stream.n_late, stream.n_repeated) == (reference.late, reference.repeated)
 
 
 def _counted(ratings: list[Rating], others: int) -> tuple[int, int, float, int]:

@@ -84,3 +84,13 @@ def test_a_comparison_has_frames_and_says_what_is_left_out(
         compare(log._replace(times=None), ["mean"])
     with refuses(ValueError, "maen", "mean"):
         compare(log, ["maen"])
+
+
+def test_equal_forecasts_are_no_difference_and_chance_is_no_forecast(log: Log) -> None:
+    same = {"one": model(log, 0.3, seed=1), "other": model(log, 0.3, seed=1)}
+    shifted = same["other"]._replace(trust=same["other"].trust * (1 + 1e-12))
+    assert decide(log, {"one": same["one"], "other": shifted})[1] == ""
+    against = {name: one._replace(trust=-one.trust) for name, one in same.items()}
+    assert decide(log, {**against, "worse": model(log, 0.1)._replace(trust=-log.values)})[1] == ""
+    with refuses(TypeError, "dict"):
+        compare({}, ["mean"])  # type: ignore[arg-type]

@@ -117,3 +117,51 @@ def test_arguments_that_do_not_fit_are_refused(tmp_path: Path) -> None:
 def test_models_of_all_kinds_are_calibrated(name: str) -> None:
     found = rate(frame(3_000), model=name, **SETTINGS)
     assert found.calibration is None or found.calibration.coverage > 0.9
+
+
+def test_later_ratings_without_rounds_keep_their_times() -> None:
+    dates = pd.to_datetime(["2020-01-01", "2020-01-02"])
+    one = pd.DataFrame(
+        {"rater": ["a", "b"], "ratee": ["x", "x"], "rating": [1, 0.5], "time": dates}
+    )
+    rated = rate(one, model="mean")
+    rated.update(one.assign(ratee=["x", "y"], time=dates + pd.Timedelta(days=1600)))
+    assert rated.ratees.set_index("name")["last"].astype(str).to_dict() == {
+        "x": "2024-05-19",
+        "y": "2024-05-20",
+    }
+    assert set(rated.ratees.until) == {"2024-05-20 00:00:00"}
+
+
+def test_a_log_says_nothing_of_how_raw_ratings_are_read(tmp_path: Path) -> None:
+    columns = {"rater": ["a", "b"], "ratee": ["x", "x"], "rating": [-1, 1], "time": [0, 99]}
+    log = read(columns, scale=(-1, 1))
+    rated = rate(log, model="mean", every=10.0)
+    with refuses(ValueError, "Log"):
+        rated.update(columns)
+    rated.update(log)
+    with refuses(ValueError, "same_agents", "True"):
+        rate(log, same_agents=True)
+    rate(log, model="mean", every=10.0, state=tmp_path / "state.npz")
+    with refuses(ValueError, "scale"):
+        rate(columns, scale=(-1, 1), model="mean", every=10.0, state=tmp_path / "state.npz")
+
+
+def test_what_cannot_go_on_is_not_saved(tmp_path: Path) -> None:
+    data = frame()
+    for wrong in ({"every": None}, {"model": "travos"}, {"model": "merit-rank", "trusted": ["p1"]}):
+        with refuses(ValueError, "every"):
+            rate(data, **(SETTINGS | wrong)).save(tmp_path / "state.npz")
+    with refuses(ValueError, "travos"):
+        rate(data, **SETTINGS, model="travos", state=tmp_path / "state.npz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_names_and_scales_may_be_numbers_of_numpy() -> None:
+    data = {"rater": [1, 2], "ratee": [3, 3], "rating": np.array([1, 5])}
+    rated = rate(data, scale=(data["rating"].min(), data["rating"].max()), model="leave-one-out")
+    assert rated.explain(3).name == "3"  # type: ignore[arg-type]
+    with refuses(ValueError, "provider"):
+        rated.table("provider")  # type: ignore[arg-type]
+    with refuses(ValueError, "ann"):
+        rate(data, scale=(1, 5), trusted="ann", model="merit-rank")

@@ -467,10 +467,20 @@ def test_what_cannot_be_a_stream_is_refused() -> None:
         TrustStream(make_trust_model("mean"), scale=(1, 1))
     with refuses(ValueError, "every", "0"):
         TrustStream(make_trust_model("mean"), every=0)
-    stream = TrustStream(make_trust_model("mean"))
-    stream.update([], [], [])
     with refuses(ValueError, "times"):
-        stream.update([1], [2], [1], [1])
+        TrustStream(make_trust_model("mean"), every=1).update([1], [2], [1])
+
+
+def test_times_without_rounds_by_time_tell_when_agents_were_rated_last(tmp_path: Path) -> None:
+    stream = TrustStream(make_trust_model("mean"), keep_evidence=True)
+    for raters, ratees, times in (([1], [2], [30.0]), ([1, 3], [2, 4], [10.0, 70.0]), ([], [], [])):
+        stream.update(raters, ratees, [1.0] * len(raters), times)
+    stream.save(tmp_path / "state")
+    loaded = TrustStream.load(tmp_path / "state", make_trust_model("mean"), keep_evidence=True)
+    for one in (stream, loaded):
+        assert one.evidence("ratee").last.astype(int).tolist() == [30 * 10**9, 70 * 10**9]
+        assert one.window is not None
+        assert one.window.tolist() == [10 * 10**9, 70 * 10**9]
 
 
 def test_a_loaded_stream_goes_on_with_the_round_that_has_begun(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Two processes that write one stream and are killed: `python tests/data/two_writers.py FIRST LAST`
+"""Two processes that write one stream and are killed: `python tests/logs/two_writers.py FIRST LAST`
 for some seeds."""
 
 import gc
@@ -17,12 +17,10 @@ from typing import Any, NamedTuple
 
 from late_ratings import (
     EVERY,
-    Policy,
     Rating,
     Reference,
     check_end,
     some_batches,
-    some_policy,
     update,
 )
 
@@ -42,7 +40,6 @@ class Job(NamedTuple):
     """The batches of a sequence, which both writers may send into one state."""
 
     folder: Path
-    policy: Policy
     model: str
     batches: list[list[Rating]]
 
@@ -51,7 +48,6 @@ class Job(NamedTuple):
         """Draw a sequence."""
         return cls(
             folder,
-            some_policy(rng)._replace(repeats=False),
             rng.choice(_MODELS),
             some_batches(rng, 5),
         )
@@ -65,7 +61,7 @@ class Job(NamedTuple):
         return self.folder / "log"
 
     def opened(self) -> Any:
-        settings: Any = {"every": EVERY, "keep_evidence": True, **self.policy._asdict()}
+        settings: Any = {"every": EVERY, "keep_evidence": True, "repeats": False}
         return TrustStream.opened(self.path, make_trust_model(self.model), **settings)
 
     def state(self) -> str:
@@ -180,7 +176,7 @@ def _check(seed: int, writers: list[Writer], job: Job) -> None:
         if before != after
     ]
     assert set(saved) == set(range(len(job.batches)))  # nothing that was acknowledged is lost
-    reference = Reference(job.policy)
+    reference = Reference(repeats=False)
     for number in saved:
         reference.update(job.batches[number])
     with job.opened() as stream:

@@ -66,8 +66,8 @@ def rate(
     other agents in them, and of effectively independent ones, the last rating, the window of the
     log, model and version. With --out trust.parquet both roles are one table. Ratees are ranked by
     trust; or by trust that is drawn to its mean where raters are few, if that forecast later
-    ratings better all along the log's own past. An interval is that of the mean of later ratings; the output says
-    how many of these it covered in the past.
+    ratings better at all later cuts of the log's own past. An interval is that of the mean of later
+    ratings; the output says how many of these it covered in the past.
 
     --explain shows the most important raters of an agent, and its trust without the ratings of
     each; of a rater, its ratings that agree and differ most with the trust in those that it rates,
@@ -87,15 +87,15 @@ def rate(
     [dim]# members rate members, with rounds of 30 days[/]
     [cyan]roletrust rate log.csv.gz --same-agents --scale -10 10 --every 2592000[/]
     """
-    single = out.suffix == ".parquet"
+    single = out.suffix.lower() == ".parquet"
     folder = out.parent if single else out
     tables = [out] if single else [out / f"{role}s.csv" for role in ROLES]
     own = {path.resolve() for path in (ratings, state) if path}
     targets = [path.resolve() for path in (*tables, folder / "suspects.csv")]
     if any(own & {path, *path.parents} for path in targets):
         raise ValueError(f"--out {out} would write to the log or the state")
-    if single and out.is_dir():
-        raise ValueError(f"--out {out} is a folder; a table needs another name")
+    if folders := [path for path in tables if path.is_dir()]:
+        raise ValueError(f"{folders[0]} is a folder; a table needs another name")
     if state is not None and (explain is not None or suspects):
         raise ValueError("--explain and --suspects need a whole log, without --state")
     prepare_folder(folder)
@@ -133,7 +133,8 @@ def rate(
                 "of trust that is drawn to its mean."
             )
         else:
-            tell("Ratees are ranked by trust: too few later ratings to calibrate intervals.")
+            log = "the log" if state is None else "the first log of the state"
+            tell(f"Ratees are ranked by trust: {log} has too few later ratings for intervals.")
         for explanation in explanations:
             console.print(explanation_table(explanation, reading.scale))
         if suspects and rated.log is not None:

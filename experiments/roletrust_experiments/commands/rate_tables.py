@@ -29,7 +29,7 @@ def ranking_table(found: Any, role: Role) -> Table:
         if role == "ratee":
             interval = "-" if row["low"] is None else f"{row['low']:.2f} {row['high']:.2f}"
             cells += [f"{row['estimate']:.4f}", interval]
-        last = "-" if row["last"] is None else f"{row['last']!s:.10}"
+        last = "-" if row["last"] is None else str(row["last"]).removesuffix(".0").split(" ")[0]
         table.add_row(shown(row["name"]), *cells, f"{row['ratings']:,}", f"{row[others]:,}", last)
         if place == _ENDS - 1 and len(ends) < size:
             table.add_row("...")
