@@ -8,17 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env.logs.forecasts import (
-    forecasts,
-    next_rating,
-    past_mean,
-    rated_before,
-    rater_forward,
-)
+from roletrust_env.logs.forecasts import Forecasts, forecast_measures, forecasts
 from roletrust_env.logs.log import Log, TooSmallError, check_log
 from roletrust_env.logs.models import LOG_MODELS, make_log_model
 from roletrust_env.logs.replay import Attack, Replay, Shift, replay_attacks
-from roletrust_env.logs.units import check_scale
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.metrics.resampling import RESAMPLES
 from roletrust_env.randomness import generator
@@ -41,9 +34,9 @@ class Row(NamedTuple):
     """A measure of a model on a log.
 
     Attributes:
-        protocol: How it was measured: `rated before`, `next rating`, `rater forward` or `attack`.
+        protocol: How it was measured: `forecast` or `attack`.
         model: Name of the model.
-        measure: What was measured, see `forecasts` and `replay_attacks`.
+        measure: What was measured, see `forecast_measures` and `replay_attacks`.
         value: Value.
         low: Lower end of its 95% interval.
         high: Upper end.
@@ -61,15 +54,13 @@ class Evaluated(NamedTuple):
     """What a model published on a log, for paired comparisons.
 
     Attributes:
-        ratings: Positions of ratings of agents with earlier ones, shape (n,).
-        trust: Trust in the agent before the round of each of these, shape (n,).
+        forecasts: Its forecasts.
         kept: What each target keeps under the worst attack of each goal, from 0 to 1, shape
             (goals, targets); None where the log is too small for attacks.
     """
 
-    ratings: Ints
-    trust: Floats
-    kept: Floats | None
+    forecasts: Forecasts
+    kept: Floats | None = None
 
 
 class Standing(NamedTuple):
@@ -135,7 +126,6 @@ def compare(
     models: Sequence[str] = (),
     *,
     every: float = MONTH,
-    scale: tuple[float, float] = (0.0, 1.0),
     seed: int = 0,
     keep: Callable[[list[Row]], None] = lambda rows: None,
     advance: Callable[[str, float], None] = lambda what, share: None,
@@ -152,7 +142,6 @@ def compare(
         log: Log with times.
         models: Names of the models; all central ones and `LOG_MODELS` if there are none.
         every: Length of a round in seconds.
-        scale: Worst and best rating, for errors on the scale of the log.
         seed: Random seed of resamples and draws.
         keep: Function that is called with all measures so far after each model.
         advance: Function that is called with the model that is measured, and the share that is
@@ -162,13 +151,12 @@ def compare(
         ValueError: The log has no times, nothing could be measured, or there is no such model.
     """
     check_log(log)
-    check_scale(scale)
     made = {name: make_log_model(name) for name in models or default_models()}
     rows, left_out, evaluated = list[Row](), list[str](), dict[str, Evaluated]()
     for done, (name, model) in enumerate(made.items()):
         advance(name, done / len(made))
         try:
-            found, published = _measured(model, log, every, scale, seed, left_out)
+            found, published = _measured(model, log, every, seed, left_out)
         except MemoryError as error:
             left_out.append(f"{name}: {error}")
             continue
@@ -192,31 +180,19 @@ def default_models() -> list[str]:
 
 
 def _measured(
-    model: Any,
-    log: Log,
-    every: float,
-    scale: tuple[float, float],
-    seed: int,
-    left_out: list[str],
+    model: Any, log: Log, every: float, seed: int, left_out: list[str]
 ) -> tuple[dict[tuple[str, str], Interval], Evaluated | None]:
     """Return the measures of a model by protocol and name, and what it published; add what cannot
     be measured to `left_out`.
     """
     found, evaluated = dict[tuple[str, str], Interval](), None
     try:
-        before = forecasts(model, log, every, same_agents=log.same_agents)
+        evaluated = Evaluated(forecasts(model, log, every))
     except TooSmallError as error:
         left_out.append(f"forecasts: {error}")
     else:
-        for protocol, measures in (
-            ("rated before", rated_before(before, log, scale, seed)),
-            ("next rating", next_rating(before, log, seed)),
-            ("rater forward", rater_forward(before, log, seed)),
-        ):
-            found |= {(protocol, what): value for what, value in measures.items()}
-        known = np.flatnonzero(~np.isnan(past_mean(before, log)))
-        if len(known):
-            evaluated = Evaluated(before.since + known, before.top[known], None)
+        measures = forecast_measures(evaluated.forecasts, log, seed)
+        found = {("forecast", what): value for what, value in measures.items()}
     try:
         replay = Replay(model, log, every, same_agents=log.same_agents)
     except TooSmallError as error:
@@ -315,12 +291,12 @@ def _forecasts(
     names = [
         name
         for name, model in models.items()
-        if np.ptp(model.trust) > 0 and np.ptp(log.values[model.ratings]) > 0
+        if np.ptp(model.forecasts.trust) > 0 and np.ptp(log.values[model.forecasts.ratings]) > 0
     ]
     if not names:
         return [], np.zeros(0), np.zeros((0, 0))
-    places = models[names[0]].ratings
-    trust = np.stack([models[name].trust for name in names])
+    places = models[names[0]].forecasts.ratings
+    trust = np.stack([models[name].forecasts.trust for name in names])
     values, rng = log.values[places], generator(seed)
     sides = [
         np.unique(side, return_inverse=True)[1] for side in (log.raters[places], log.ratees[places])

@@ -55,38 +55,25 @@ def mean_intervals(table: Floats, seed: int = 0, resamples: int = RESAMPLES) -> 
     ]
 
 
-def auc(score: Floats, bad: Floats, strata: Ints) -> Callable[[Floats], float]:
+def auc(score: Floats, bad: Floats) -> Callable[[Floats], float]:
     """Return a function from weights to the area under the ROC curve: the bad have lower scores
     than the others.
 
-        auc = sum over strata of the pairs (bad, other) with score[bad] < score[other], ties half /
-                number of pairs
+        auc = pairs (bad, other) with score[bad] < score[other], ties half / number of pairs
 
     Args:
         score: Score of each value, shape (n,).
         bad: 1 for each bad value and 0 for the others, shape (n,).
-        strata: Stratum of each value, shape (n,), whole; only values of one stratum are compared.
     """
     _, rank = np.unique_inverse(score)
-    _, cell = np.unique_inverse(
-        strata * (int(rank.max(initial=0)) + 1) + rank
-    )  # strata in turn, scores ascending
-    size = int(cell.max(initial=-1)) + 1
-    stratum = np.zeros(size, np.int64)
-    stratum[cell] = np.unique_inverse(strata)[1]
-    first = np.searchsorted(stratum, stratum)
+    size = int(rank.max(initial=-1)) + 1
 
     def area(weights: Floats) -> float:
-        low = np.bincount(cell, weights * bad, size)
-        high = np.bincount(cell, weights * (1 - bad), size)
-        before = np.cumsum(low) - low
-        below = before - before[first]
-        pairs = np.bincount(stratum, low) * np.bincount(stratum, high)
-        return (
-            float((high * (below + low / 2)).sum() / pairs.sum())
-            if pairs.sum() > 0
-            else float("nan")
-        )
+        low = np.bincount(rank, weights * bad, size)
+        high = np.bincount(rank, weights * (1 - bad), size)
+        pairs = low.sum() * high.sum()
+        won = (high * (np.cumsum(low) - low / 2)).sum()
+        return float(won / pairs) if pairs > 0 else float("nan")
 
     return area
 

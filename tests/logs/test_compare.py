@@ -6,6 +6,8 @@ from refusals import refuses
 
 from roletrust_env.logs import Log, read
 from roletrust_env.logs.compare import Evaluated, compare, decide
+from roletrust_env.logs.forecasts import Forecasts
+from roletrust_env.trust.key_index import Floats
 
 SIZE, PEOPLE = 2000, 60
 
@@ -24,7 +26,12 @@ def model(log: Log, noise: float, kept: float | None = None, seed: int = 1) -> E
     random = np.random.default_rng(seed)
     trust = log.values + random.normal(0, noise, SIZE)
     targets = None if kept is None else kept + random.normal(0, 0.02, (2, 20))
-    return Evaluated(np.arange(SIZE), trust, targets)
+    return Evaluated(Forecasts(np.arange(SIZE), trust), targets)
+
+
+def forecast(trust: Floats) -> Evaluated:
+    """A model with this trust, on which no attack was played."""
+    return Evaluated(Forecasts(np.arange(SIZE), trust))
 
 
 def test_decide_recommends_a_significantly_better_forecast(log: Log) -> None:
@@ -32,7 +39,7 @@ def test_decide_recommends_a_significantly_better_forecast(log: Log) -> None:
     assert recommended == "good"
     good, poor = standings
     assert (good.name, good.behind) == ("good", (0, 0, 0))
-    trust = model(log, 1.0).trust
+    trust = model(log, 1.0).forecasts.trust
     assert poor.forecast.value == pytest.approx(np.corrcoef(trust, log.values)[0, 1])
     assert poor.behind.low <= poor.behind.value <= poor.behind.high < 0
     assert np.isnan(good.kept.value)
@@ -53,7 +60,7 @@ def test_decide_prefers_what_keeps_significantly_more(log: Log) -> None:
 
 
 def test_decide_needs_forecasts_of_two_models(log: Log) -> None:
-    constant = Evaluated(np.arange(SIZE), np.full(SIZE, 0.5), None)
+    constant = forecast(np.full(SIZE, 0.5))
     same = log._replace(values=np.full(SIZE, 0.5))
     two = {"one": model(log, 0.1), "other": model(log, 0.2)}
     for one, models in ((log, {"constant": constant}), (log, {}), (same, two)):
@@ -87,10 +94,8 @@ def test_a_comparison_has_frames_and_says_what_is_left_out(
 
 
 def test_equal_forecasts_are_no_difference_and_chance_is_no_forecast(log: Log) -> None:
-    same = {"one": model(log, 0.3, seed=1), "other": model(log, 0.3, seed=1)}
-    shifted = same["other"]._replace(trust=same["other"].trust * (1 + 1e-12))
-    assert decide(log, {"one": same["one"], "other": shifted})[1] == ""
-    against = {name: one._replace(trust=-one.trust) for name, one in same.items()}
-    assert decide(log, {**against, "worse": model(log, 0.1)._replace(trust=-log.values)})[1] == ""
+    trust = model(log, 0.3).forecasts.trust
+    assert decide(log, {"one": forecast(trust), "other": forecast(trust * (1 + 1e-12))})[1] == ""
+    assert decide(log, {"one": forecast(-trust), "worse": forecast(-log.values)})[1] == ""
     with refuses(TypeError, "dict"):
         compare({}, ["mean"])  # type: ignore[arg-type]

@@ -81,7 +81,6 @@ def compare(
             log,
             model or (),
             every=every,
-            scale=reading.scale,
             seed=seed,
             keep=keep,
             advance=stages(progress),

@@ -31,20 +31,20 @@ def test_a_log_is_measured(tmp_path: Path) -> None:
     result = compare(tmp_path / "log.csv.gz", *MEMBERS, *models, "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
     table = csv_rows(tmp_path / "out" / "comparison.csv")
-    protocols = ["rated before", "next rating", "rater forward", "attack"]
+    protocols = ["forecast", "attack"]
     assert list(dict.fromkeys(row["protocol"] for row in table)) == protocols
     assert {row["model"] for row in table} == {"role-trust", "own-experience"}
     assert {(row["log"], row["round"]) for row in table} == {("log.csv.gz", "2592000.000000")}
     assert "too narrow" not in result.output  # at 80 columns
     assert "| role-trust |" in (tmp_path / "out" / "comparison.md").read_text()
-    first = next(row for row in table if (row["protocol"], row["measure"]) == ("rated before", "r"))
+    first = next(row for row in table if (row["protocol"], row["measure"]) == ("forecast", "r"))
     shown = [line.split() for line in result.output.splitlines()]
     assert [first["model"], f"{float(first['value']):.2f}"] in [line[:2] for line in shown]
 
 
 def test_a_log_that_is_too_small_for_a_protocol_has_the_others(tmp_path: Path) -> None:
     month = 2_592_000
-    rows = [f"{n},{n + 1},{n % 11 - 5},{n * month // 8}" for n in range(0, 90, 2)]
+    rows = [f"{n},{n % 7 + 90},{n % 11 - 5},{n * month // 8}" for n in range(0, 90, 2)]
     path = written(tmp_path / "log.csv", [HEAD, *rows])
     result = compare(path, *MEMBERS, "--model", "mean", "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
@@ -52,7 +52,7 @@ def test_a_log_that_is_too_small_for_a_protocol_has_the_others(tmp_path: Path) -
     assert "- Left out: attacks: " in page
     assert "nan" not in page
     table = csv_rows(tmp_path / "out" / "comparison.csv")
-    assert {row["protocol"] for row in table} == {"next rating", "rater forward"}
+    assert {row["protocol"] for row in table} == {"forecast"}
 
 
 def test_what_is_measured_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,14 +78,14 @@ def test_a_real_log(tmp_path: Path) -> None:
     path = SHARED / "bitcoin-otc" / "otc_network.csv.gz"
     if not path.is_file():
         pytest.skip(f"there is no {path}")
-    models = ["--model", "role-trust", "--model", "mean"]
+    models = ["--model", "role-trust", "--model", "leave-one-out"]
     result = compare(path, *OTC, *MEMBERS, *models, "--out", tmp_path)
     assert result.exit_code == 0, result.output
     found = {
         (row["model"], row["protocol"], row["measure"]): float(row["value"] or "nan")
         for row in csv_rows(tmp_path / "comparison.csv")
     }
-    assert found["role-trust", "next rating", "auc"] == pytest.approx(0.642, abs=5e-4)
-    assert found["mean", "next rating", "auc"] == pytest.approx(0.685, abs=5e-4)
+    assert found["role-trust", "forecast", "r"] == pytest.approx(0.212, abs=5e-4)
+    assert found["leave-one-out", "forecast", "r"] == pytest.approx(0.387, abs=5e-4)
     assert found["role-trust", "attack", "lift, honest"] == pytest.approx(0.958, abs=5e-4)
     assert found["role-trust", "attack", "sink, 3 new"] < 0.01

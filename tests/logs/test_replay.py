@@ -1,0 +1,50 @@
+"""Attacks at the end of a log."""
+
+import numpy as np
+import pytest
+from refusals import refuses
+
+from roletrust_env.logs import write_log
+from roletrust_env.logs.log import Log, read
+from roletrust_env.logs.replay import Attack, Replay, Shift, replay_attacks
+from roletrust_env.trust import make_trust_model
+
+MONTH = 2_592_000
+
+
+def small_log(edges: list[tuple[int, int, float, float]]) -> Log:
+    raters, ratees, values, times = (np.array(column) for column in zip(*edges, strict=True))
+    names = [str(n) for n in range(int(max(raters.max(), ratees.max())) + 1)]
+    return Log(raters, ratees, values.astype(float), times.astype(int) * 10**9, names, names)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    path = tmp_path_factory.mktemp("log") / "ratings.csv.gz"
+    write_log(path)
+    return read(path, scale=(-10, 10), same_agents=True)
+
+
+@pytest.mark.parametrize("same_agents", [True, False])
+def test_hostile_accounts_move_their_targets(log: Log, same_agents: bool) -> None:
+    attacks = [Attack("sink", 3, "new"), Attack("sink", 10, "hijacked"), Attack("lift", 3, "new")]
+
+    def play(name: str) -> dict[Attack, Shift]:
+        return replay_attacks(
+            Replay(make_trust_model(name), log, MONTH, same_agents=same_agents), attacks
+        )
+
+    moved = play("mean")
+    assert moved[attacks[0]].before.value > 0.7 > 0.3 > moved[attacks[0]].after.value
+    assert moved[attacks[2]].after.value > moved[attacks[2]].before.value
+    still = play("constant")
+    assert all(found.before == found.after for found in still.values())
+
+
+def test_a_log_without_enough_rounds_or_agents_is_refused(log: Log) -> None:
+    model = make_trust_model("mean")
+    with refuses(ValueError, "4", "6"):
+        Replay(model, log, 6 * MONTH, same_agents=True)
+    few = small_log([(n % 3, 3, 1.0, n * 10) for n in range(20)])
+    with refuses(ValueError, "20", "10", "5"):
+        Replay(model, few, 10, same_agents=True)
