@@ -102,14 +102,14 @@ def figures(docs: Path, board: Leaderboard) -> dict[str, Figure]:
     forecasts = [
         row
         for row in rows("real/real.csv")
-        if (row["protocol"], row["measure"]) == ("rated before", "r") and row["value"]
+        if (row["protocol"], row["measure"]) == ("forecast", "r") and row["value"]
     ]
     forecasts.sort(key=lambda row: -float(row["value"]))
     intervals = [
         Interval(*(float(row[name] or "nan") for name in ("value", "low", "high")))
         for row in forecasts
     ]
-    series = Series("rated before", [row["model"] for row in forecasts], intervals)
+    series = Series("forecast", [row["model"] for row in forecasts], intervals)
     panel = Panel(
         "", "", "correlation of trust with ratings of members that have earlier ones", [series]
     )

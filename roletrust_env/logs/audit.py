@@ -4,10 +4,10 @@ An attack joins the last rounds of the log, beside its ratings, and counts by th
 The attacker knows the log and the model, and sees the ranks.
 """
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -112,6 +112,7 @@ class AuditReport:
         exposures: Targets, the cheapest of each goal first.
         medians: Median price for each goal, with an interval over targets.
         curve: Share of targets by price.
+        version: Version of RoleTrust.
         format: Name and version of this format.
     """
 
@@ -129,20 +130,12 @@ class AuditReport:
     exposures: list[Exposure]
     medians: dict[Goal, Interval]
     curve: list[CurvePoint]
+    version: str
     format: str = "roletrust-audit-2"
 
     def json(self) -> bytes:
         """Return the report as JSON; infinite and undefined numbers are null."""
         return TypeAdapter(AuditReport).dump_json(self, indent=2)
-
-    @staticmethod
-    def schema() -> dict[str, Any]:
-        """Return the JSON Schema of reports."""
-        schema = json.dumps(TypeAdapter(AuditReport).json_schema(mode="serialization"))
-        found: dict[str, Any] = json.loads(
-            schema.replace('"type": "number"', '"type": ["number", "null"]')
-        )
-        return found
 
 
 def audit(
@@ -225,6 +218,7 @@ def audit(
         exposures=sorted(exposures, key=lambda one: (GOALS.index(one.goal), one.upper)),
         medians={goal: _median(found, seed) for goal, found in inner.items()},
         curve=[point for goal, found in inner.items() for point in _curve(goal, found, seed)],
+        version=version("roletrust-env"),
     )
 
 

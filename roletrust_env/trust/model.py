@@ -92,8 +92,6 @@ class Traits(NamedTuple):
         cost: Growth of time and memory with S raters and P providers, such as `"S P"` or `"S^2 P"`.
         local: Whether a round changes only agents and pairs with ratings in it, and takes nothing
             from others. Then a log of many agents is played in the time that its ratings take.
-        nearby: Whether a round changes the trust of its raters and of the providers that these ever
-            rated, and that of others only by a median over all providers.
         takes_peers: Whether `start` takes a second argument, `peers`, see `TrustModel.start`.
     """
 
@@ -103,7 +101,6 @@ class Traits(NamedTuple):
     differentiable: bool = True
     cost: str = "S P"
     local: bool = False
-    nearby: bool = False
     takes_peers: bool = False
 
     @classmethod

@@ -12,7 +12,7 @@ from roletrust_env.logs.audit import audit as audit_log
 from roletrust_env.logs.audit_ranking import Journal, Prices
 from roletrust_env.logs.models import make_log_model
 from roletrust_env.logs.rate import MODEL
-from roletrust_env.storage.files import prepare_folder, write_json, write_text
+from roletrust_env.storage.files import prepare_folder, write_text
 from roletrust_env.trust.outside import OutsideModel
 from roletrust_experiments.commands.console import (
     console,
@@ -75,7 +75,7 @@ def audit(
 
     Written: [green]audit.html[/], the page with the share of targets by price, which
     [green]audit.png[/] has; [green]audit.json[/], all numbers and every rating of the cheapest
-    attacks; [green]audit.schema.json[/], its JSON Schema.
+    attacks.
 
     [bold]Examples[/]
 
@@ -108,16 +108,12 @@ def audit(
             name=ratings.name,
         )
     write_text(out / "audit.json", report.json().decode() + "\n")
-    write_json(out / "audit.schema.json", report.schema())
     write_figure(out / "audit.png", audit_figure(report), colours=256)
     write_text(out / "audit.html", audit_page(report, (out / "audit.png").read_bytes()))
     if journal:
         journal.path.unlink(missing_ok=True)
     console.print(_table(report))
-    tell(
-        f"{report.played:,} attacks. Written to {out}: audit.html, audit.png, audit.json, "
-        "audit.schema.json"
-    )
+    tell(f"{report.played:,} attacks. Written to {out}: audit.html, audit.png, audit.json")
     low = min(median.value for median in report.medians.values())
     if fail_below is not None and low < fail_below:
         console.print(

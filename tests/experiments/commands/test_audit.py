@@ -21,14 +21,12 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_an_audit_says_the_same_on_screen_in_json_and_on_its_page(log: Path, tmp_path: Path):
-    jsonschema = pytest.importorskip("jsonschema")
     options = ["--prices", "account=7,rating=0.5", "--fail-below", "1000", "--model", "mean"]
     columns = ["--columns", "rater=rater,ratee=ratee,rating=rating,time=time"]
     made = run("audit", log, *SMALL, *options, *columns, "--out", tmp_path)
     assert made.exit_code == 1
     page = (tmp_path / "audit.html").read_text()
     found = json.loads((tmp_path / "audit.json").read_text())
-    jsonschema.validate(found, json.loads((tmp_path / "audit.schema.json").read_text()))
     assert (found["format"], found["model"], found["log"]) == (
         "roletrust-audit-2",
         "mean",
@@ -36,6 +34,7 @@ def test_an_audit_says_the_same_on_screen_in_json_and_on_its_page(log: Path, tmp
     )
     assert found["prices"] == {"account": 7.0, "hijacked": 10.0, "rating": 0.5, "day": 0.0}
     assert (found["top"], found["budget"], found["every"]) == (3, 3, 2_592_000)
+    assert found["version"]
     assert [one["border"] for one in found["exposures"][:3]].count(True) == 2
     for one in found["exposures"]:
         assert one["lower"] <= one["upper"]

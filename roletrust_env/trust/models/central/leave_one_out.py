@@ -86,7 +86,6 @@ class LeaveOneOut(Published):
     modesty: Share = 1.0
     rates_raters = True
     differentiable = False  # the median jumps between providers
-    nearby = True
 
     def start(self, like: PerPair) -> LeaveOneOutState:
         """Return the state before any rating. See `TrustModel.start`."""
