@@ -17,7 +17,7 @@ from roletrust_env.metrics.resampling import RESAMPLES
 from roletrust_env.randomness import generator
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import Traits, make_trust_model, trust_models
-from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.key_index import Floats
 
 MONTH = 2_592_000.0
 """Length of a round, 30 days in seconds."""
