@@ -27,7 +27,7 @@ from roletrust_env.logs.audit_ranking import (
 from roletrust_env.logs.audit_search import Search, search_attacks
 from roletrust_env.logs.log import Log, check_log
 from roletrust_env.logs.models import AllTimeMean, make_log_model
-from roletrust_env.logs.rate import MODEL, rate
+from roletrust_env.logs.rate import MODEL, Rated, rate
 from roletrust_env.logs.shrinkage import Shrinkage
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.metrics.resampling import RESAMPLES, mean_intervals
@@ -133,13 +133,20 @@ class AuditReport:
     version: str
     format: str = "roletrust-audit-2"
 
+    @property
+    def table(self) -> Any:
+        """The targets as a data frame of pandas, without the ratings that were sent."""
+        import pandas as pd
+
+        return pd.DataFrame(self.exposures).drop(columns="sent")
+
     def json(self) -> bytes:
         """Return the report as JSON; infinite and undefined numbers are null."""
         return TypeAdapter(AuditReport).dump_json(self, indent=2)
 
 
 def audit(
-    log: Log,
+    log: Log | Rated,
     *,
     model: Any = MODEL,
     every: float | None = None,
@@ -161,7 +168,7 @@ def audit(
     models, and where hijacked accounts may be cheaper, a search plays attacks.
 
     Args:
-        log: Log.
+        log: Log; or a `Rated`, whose log, model, rounds and shrinkage are taken.
         model: Trust model, or its name, see `make_log_model`.
         every: Length of a round in seconds; None for a single round.
         shrinkage: How trust is drawn to a mean before agents are ranked; None: as by `rate`.
@@ -181,6 +188,11 @@ def audit(
             has none.
         MemoryError: The model does not fit, see `make_run`.
     """
+    title = model if isinstance(model, str) else repr(model)
+    if isinstance(log, Rated):
+        title, model, every = log.model, log.stream.model, log.stream.every
+        shrinkage = log.calibration.shrinkage if log.calibration else Shrinkage()
+        log = log.whole_log()
     check_log(log)
     if prices.day and every is None:
         raise ValueError(
@@ -212,7 +224,7 @@ def audit(
         prices,
         budget,
         seed,
-        model if isinstance(model, str) else repr(model),
+        title,
         ranked=len(ranking.order),
         played=sum(len(search.played) for search in searches),
         exposures=sorted(exposures, key=lambda one: (GOALS.index(one.goal), one.upper)),

@@ -225,6 +225,9 @@ class Ranking:
         self._digest = sha256(
             b"".join(np.asarray(fact).tobytes() for fact in facts) + repr(model).encode()
         )
+        played = np.unique(self.numbers)[-LAST:]
+        ago = played[-1] + 1 - played
+        self._ago = [int(ago[0])] * (LAST - len(ago)) + ago.tolist()  # rounds to the end of the log
         self._end = Ending(
             model, log, self.numbers, LAST, same_agents=log.same_agents, more=1 + MOST
         )
@@ -327,7 +330,7 @@ class Ranking:
         """Return the number of days from the first rating to the end of the log; NaN without
         times.
         """
-        rounds = LAST - min((row.round for row in rows), default=LAST)
+        rounds = max((self._ago[row.round] for row in rows), default=0)
         return math.nan if self.every is None else rounds * self.every / _DAY
 
     def price(self, rows: Sequence[Row], prices: Prices) -> float:
@@ -343,7 +346,7 @@ class Ranking:
         fresh = ["newcomer", *(f"new account {number}" for number in range(1, MOST + 1))]
         raters, ratees = [*self.log.rater_names, *fresh], [*self.log.ratee_names, *fresh]
         return [
-            Sent(LAST - number, raters[who], ratees[whom], value)
+            Sent(self._ago[number], raters[who], ratees[whom], value)
             for number, who, whom, value in rows
         ]
 
@@ -360,7 +363,7 @@ class Ranking:
                 rows.append(Row(number, account, target.place, float(not down)))
                 rows += [Row(number, account, rival, float(down)) for rival in rivals]
             for n, other in enumerate(decoys):
-                number = begin + n % max(1, first - begin)
+                number = min(begin + n % max(1, first - begin), LAST - 1)
                 rows.append(Row(number, account, other, float(self.trust[other])))
         return sorted(row for row in rows if row.account != row.agent or not self.log.same_agents)
 

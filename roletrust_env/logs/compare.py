@@ -168,7 +168,13 @@ def compare(
     left_out = list(dict.fromkeys(left_out))  # some reasons are the same for all models
     if not rows:
         raise ValueError(f"nothing could be measured; {'; '.join(left_out)}")
-    return Comparison(*decide(log, evaluated, seed), rows, left_out)
+    standings, recommended, reason = decide(log, evaluated, seed)
+    paired = {("forecast", one.name, "r"): one.forecast for one in standings}
+    rows = [
+        Row(*row[:3], *paired[row[:3]]) if row[:3] in paired else row for row in rows
+    ]  # intervals of the same resamples as the differences
+    keep(rows)
+    return Comparison(standings, recommended, reason, rows, left_out)
 
 
 def default_models() -> list[str]:

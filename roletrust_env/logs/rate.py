@@ -69,6 +69,12 @@ class Rated:
         self._tables = dict[Role, Any]()
         self._left_out = _left_out(stream)
 
+    def __repr__(self) -> str:
+        """Return the numbers of ratings and agents."""
+        many = (len(self.evidence(role).names) for role in ROLES)
+        agents = ", ".join(f"{n:,} {role}s" for n, role in zip(many, ROLES, strict=True))
+        return f"Rated({self.model}: {self.n_ratings:,} ratings, {agents})"
+
     @property
     def calibration(self) -> Calibration | None:
         """What the log's past says about its trust; None if it has too few later ratings."""
@@ -107,9 +113,10 @@ class Rated:
     def table(self, role: Role) -> Any:
         """Return the agents of a role that have ratings as a table of pyarrow, the best first.
 
-        Columns are `name`, `trust`, `ratings`, `raters` or `ratees` (their number), `independent`
-        (their effective number), `last` (the time of the last rating), `role`, `since` and `until`
-        (the first and the last rating of all), `model` and `version`. Ratees have `estimate`, too,
+        Trust and ends of intervals are from 0, the worst, to 1. Columns are `name`, `trust`,
+        `ratings`, `raters` or `ratees` (their number), `independent` (their effective number),
+        `last` (the time of the last rating), `role`, `since` and `until` (the first and the last
+        rating of all), `model` and `version`. Ratees have `estimate`, too,
         by which they are ranked, and `low` and `high`, the interval of the mean of their later
         ratings, see `Calibration`; these are missing if nothing is calibrated.
         """
@@ -174,6 +181,16 @@ class Rated:
             write_table(path, table)
         return list(tables)
 
+    def whole_log(self) -> Log:
+        """Return the ratings.
+
+        Raises:
+            ValueError: There were earlier or later ones.
+        """
+        if self.log is None:
+            raise ValueError("all ratings are needed: rate the whole log without a state")
+        return self.log
+
     def explain(
         self, agent: str, role: Role = "ratee", advance: Advance = lambda what, share: None
     ) -> Explanation:
@@ -182,15 +199,17 @@ class Rated:
         Raises:
             ValueError: The agent has no ratings in this role, or not all ratings are at hand.
         """
-        if self.log is None:
-            raise ValueError("an explanation needs all ratings: rate the whole log without a state")
+        log = self.whole_log()
         self.evidence(role)  # refuses an unknown role
-        place = find_agent(self.log, str(agent), (role,))[role]
-        numbers = numbers_of(self.log, self.stream.every)
+        places = find_agent(log, str(agent))
+        if role not in places:
+            raise ValueError(f"{agent} is no {role}, but a {next(iter(places))}")
+        place = places[role]
+        numbers = numbers_of(log, self.stream.every)
         what = f"Explaining trust in the {role} {agent}"
         return explained(
             self.stream.model,
-            self.log,
+            log,
             numbers,
             role,
             place,
@@ -218,10 +237,10 @@ class Rated:
         self.stream.update(raters, ratees, log.values, times)
         self.log, self._finished, self._tables, self.notes = None, None, {}, log.notes
         before, self._left_out = self._left_out, _left_out(self._counted())
-        if self._left_out != before:
-            late, repeated = np.subtract(self._left_out, before).tolist()
-            words = f"Left out: {late:,} ratings of rounds that had ended, {repeated:,} repeated."
-            self.notes = (*log.notes, words)
+        late, repeated = np.subtract(self._left_out, before).tolist()
+        new = f"Took {len(log.values) - late - repeated:,} new ratings"
+        words = f"left out {late:,} of rounds that had ended, {repeated:,} repeated."
+        self.notes = (*log.notes, f"{new}; {words}")
 
     def save(self, path: Path | str) -> None:
         """Write a state, with which `rate` continues, see `TrustStream.save`.

@@ -48,6 +48,7 @@ class Reading:
     """What a reader needs to know about a source, beyond its columns.
 
     Attributes:
+        skip: Number of lines at the beginning of a text that are left out, such as a title.
         header: Whether the first row of a text has the names of the columns. Without a header,
             columns are numbers from 1.
         separator: Text between two columns; None finds a comma, semicolon, tab, bar or blank.
@@ -65,6 +66,7 @@ class Reading:
         ValueError: A value is not allowed.
     """
 
+    skip: int = 0
     header: bool = True
     separator: str | None = None
     encoding: str | None = None
@@ -84,7 +86,9 @@ class Reading:
             ("time_unit", self.time_unit, get_args(TimeUnit)),
         ):
             if value not in allowed:
-                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {value!r}")
+                raise ValueError(f"{name} must be one of {allowed}, got {value!r}")
+        if isinstance(self.skip, bool) or not isinstance(self.skip, int) or self.skip < 0:
+            raise ValueError(f"skip must be a number of lines, got {self.skip!r}")
         for name in ("separator", "encoding", "time_format", "table"):
             text = getattr(self, name)
             if text is not None and (not isinstance(text, str) or not text):
@@ -377,7 +381,7 @@ def _text(data: bytes, path: Path, reading: Reading) -> Source:
         raise ValueError("it has bytes that are not a text")
     lines = _LINE_ENDS.split(data[:_HEAD].decode("utf-8", "replace"))
     lines = lines[: len(lines) - (len(data) > _HEAD)]  # the last line may be cut
-    skipped = 0
+    skipped = reading.skip
     while skipped < len(lines) and _is_comment(lines[skipped]):
         skipped += 1
     lines = [line for line in lines[skipped:] if line.strip()]
@@ -413,7 +417,10 @@ def _text(data: bytes, path: Path, reading: Reading) -> Source:
     try:
         table = parsed(threads=True)
     except arrow.ArrowInvalid:
-        table = parsed(threads=False)  # then its error has the number of the row
+        try:
+            table = parsed(threads=False)  # then its error has the number of the row
+        except arrow.ArrowInvalid as error:
+            raise ValueError(f"{_line(error)}; skip=N leaves out the first N lines") from None
     named = {value: name for name, value in _NAMED.items()}.get(separator, separator)
     about = f"CSV with the separator {named}"
     return Source(table.rename_columns(names), str(path), skipped + reading.header + 1, about)
@@ -445,7 +452,7 @@ def _as_utf8(data: bytes, encoding: str | None) -> bytes:
 
 
 def _is_comment(line: str) -> bool:
-    return not line.strip() or line.startswith(_COMMENTS)
+    return not line.strip() or line.startswith((*_COMMENTS, "sep="))
 
 
 def _separator(lines: list[str], decimal: str) -> str:

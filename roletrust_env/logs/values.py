@@ -134,7 +134,7 @@ def _name_texts(column: Any, what: str, row: Row) -> Any:
         raise ValueError(f"{row(0)}: the {what} is of type {column.type}; it must be a name")
     if column.null_count:
         at = int(np.flatnonzero(is_missing(column, ()))[0])
-        raise ValueError(f"{row(at)}: the {what} is missing")
+        raise ValueError(f"{row(at)}: the {what} is missing; missing=[...] leaves out such rows")
     return column.cast(arrow.string())
 
 
@@ -186,7 +186,7 @@ def rating_numbers(column: Any, reading: Reading, row: Row) -> Floats:
         label = f" or one of {', '.join(reading.labels)}" if reading.labels else ""
         raise ValueError(
             f"{row(at)}: the rating is {column[at].as_py()!r}; it must be a number with the "
-            f"decimal mark {reading.decimal!r}{label}"
+            f"decimal mark {reading.decimal!r}{label}; decimal=, and labels={{...}} state others"
         )
     return np.asarray(numbers, np.float64)
 
@@ -245,6 +245,7 @@ def time_nanoseconds(column: Any, reading: Reading, row: Row) -> Ints:
         numbers, most = column.to_numpy(), _LATEST // factor
         ends = int(numbers.min(initial=0)), int(numbers.max(initial=0))
         if not column.null_count and -most <= ends[0] and ends[1] <= most:
+            _refuse_dates(numbers, row)
             return np.asarray(numbers, np.int64) * factor
         column = column.cast(arrow.decimal128(38, 0))
     if kinds.is_floating(column.type):
@@ -255,18 +256,33 @@ def time_nanoseconds(column: Any, reading: Reading, row: Row) -> Ints:
         raise ValueError(f"{row(0)}: the time is of type {column.type}; it must be a time")
     column = compute.utf8_trim_whitespace(column)
     if form is not None:
-        return _parsed(column, _formatted(form), row)
-    for parse in (_dates(None), _dates("UTC"), _decimals(factor, reading.decimal)):
+        return _parsed(column, _formatted(form), row, f"of the form {form}")
+    dates, zoned = _dates(None), _dates("UTC")
+    for parse in (dates, zoned, _decimals(factor, reading.decimal)):
         try:
             parse(column.slice(0, 1))
         except arrow.ArrowException:
             continue
-        return _parsed(column, parse, row)
+        times = _parsed(column, parse, row)
+        if parse is not dates and parse is not zoned:
+            _refuse_dates(times // factor, row)
+        return times
     raise ValueError(
         f"{row(0)}: the time is {column[0].as_py()!r}; it must be a date of ISO 8601 such as "
         f"{_DATE}, or a number in {reading.time_unit} within 292 years of 1970; time_format and "
         "time_unit state other forms and units"
     )
+
+
+def _refuse_dates(numbers: Ints, row: Row) -> None:
+    """Refuse numbers that all look like dates, such as 20240131."""
+    months, days = numbers // 100 % 100, numbers % 100
+    likely = (numbers >= 19000101) & (numbers <= 21001231) & (months >= 1) & (months <= 12)
+    if len(numbers) and (likely & (days >= 1) & (days <= 31)).all():
+        raise ValueError(
+            f"{row(0)}: the time is {numbers[0]}, and all times look like dates; "
+            "time_format=%Y%m%d reads them"
+        )
 
 
 Parse = Callable[[Any], Any]
@@ -352,7 +368,9 @@ def seconds_to_nanoseconds(seconds: Floats | Ints) -> Ints:
     return seconds.astype(np.int64) * 10**9
 
 
-def _parsed(column: Any, parse: Parse, row: Row) -> Ints:
+def _parsed(
+    column: Any, parse: Parse, row: Row, form: str = "of the same form as the first one"
+) -> Ints:
     """Return a whole column as nanoseconds; an error names the first row that cannot be read."""
     import pyarrow as arrow
 
@@ -378,6 +396,5 @@ def _parsed(column: Any, parse: Parse, row: Row) -> Ints:
     except OverflowError:
         time = "out of range"
     raise ValueError(
-        f"{row(at)}: the time is {time}; it must be a time of the same form as the first one, "
-        "within 292 years of 1970"
+        f"{row(at)}: the time is {time}; it must be a time {form}, within 292 years of 1970"
     )

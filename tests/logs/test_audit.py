@@ -351,3 +351,19 @@ def test_what_cannot_be_audited_is_refused(log: Log):
         with refuses(ValueError, value):
             Prices.parsed(text)
     assert Prices.parsed("rating=2, day=1") == Prices(rating=2.0, day=1.0)
+
+
+def test_days_are_those_of_the_log_and_not_of_its_rounds_with_ratings() -> None:
+    day = 86_400
+    columns = {
+        "rater": [f"r{n}" for n in range(40)],
+        "ratee": [f"s{n % 20}" for n in range(40)],
+        "rating": [n % 2 for n in range(40)],
+        "time": [(n // 20) * 180 * day for n in range(40)],
+    }
+    ranking = Ranking(make_trust_model("mean"), read(columns), 30.0 * day, top=3)
+    last, before = Row(LAST - 1, 40, 0, 0.0), Row(LAST - 2, 40, 0, 0.0)
+    assert (ranking.days([last]), ranking.days([before, last])) == (30, 210)
+    assert ranking.days([Row(0, 40, 0, 0.0)]) == 210  # it is in the first round
+    assert ranking.days([]) == 0
+    assert [sent.round for sent in ranking.sent([last, before])] == [1, 7]

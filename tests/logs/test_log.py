@@ -413,3 +413,34 @@ def test_names_are_joined_by_white_space_and_form(tmp_path: Path) -> None:
     members = read({"rater": [1.0, 2.0], "ratee": [2, 3], "rating": [1, 0]}, same_agents=True)
     assert list(members.rater_names) == ["1", "2", "3"]
     assert members.rater_names is members.ratee_names
+
+
+def test_numbers_that_are_dates_are_refused(tmp_path: Path) -> None:
+    """As texts and as numbers; with their form they are read."""
+    days = [20240131, 20240201]
+    columns = {"rater": ["a", "b"], "ratee": ["x", "x"], "rating": [1.0, 0.5]}
+    path = tmp_path / "log.csv"
+    path.write_text("rater,ratee,rating,time\na,x,1,20240131\nb,x,0.5,20240201\n")
+    for source in (path, columns | {"time": days}):
+        with refuses(ValueError, "20240131", "%Y%m%d"):
+            read(source)
+        times = read(source, reading=Reading(time_format="%Y%m%d")).times
+        assert times is not None
+        assert times.view("datetime64[ns]").astype("datetime64[D]").astype(str).tolist() == [
+            "2024-01-31",
+            "2024-02-01",
+        ]
+    assert read(columns | {"time": [20240131, 20249999]}).times is not None
+
+
+def test_a_title_and_the_line_of_a_spreadsheet_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    for skip, head in ((1, "Export of May\n"), (2, "Shop,\n\n"), (0, "sep=,\n")):
+        path.write_text(f"{head}rater,ratee,rating\na,x,1\nb,x,9\n")
+        with refuses(ValueError, f"row {4 + head.count(chr(10)) - 1}", "9"):
+            read(path, reading=Reading(skip=skip))
+        log = read(path, scale=(0, 9), reading=Reading(skip=skip))
+        assert list(log.rater_names) == ["a", "b"]
+    for skip in (-1, True, 1.5):
+        with refuses(ValueError, "skip", str(skip)):
+            Reading(skip=skip)  # type: ignore[arg-type]

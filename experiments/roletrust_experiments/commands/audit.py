@@ -143,4 +143,6 @@ def _table(report: AuditReport) -> Table:
                 sent = (f"{one.accounts}", f"{len(one.sent)}", amount(one.days)) if one.sent else ()
                 name = f"  {shown(one.agent) or 'unrated'}{' *' * border}"
                 table.add_row(name, f"{one.rank:,}", *bounds, *sent)
+            if len(listed) > _SHOWN:
+                table.add_row(f"  {len(listed) - _SHOWN} more on the page")
     return table

@@ -27,7 +27,7 @@ def ranking_table(found: Any, role: Role) -> Table:
     for place, row in zip(ends, found.take(ends).to_pylist(), strict=True):
         cells = [f"{place + 1:,}", f"{row['trust']:.4f}"]
         if role == "ratee":
-            interval = "-" if row["low"] is None else f"{row['low']:.2f} {row['high']:.2f}"
+            interval = "-" if row["low"] is None else f"{row['low']:.2f} to {row['high']:.2f}"
             cells += [f"{row['estimate']:.4f}", interval]
         last = "-" if row["last"] is None else str(row["last"]).removesuffix(".0").split(" ")[0]
         table.add_row(shown(row["name"]), *cells, f"{row['ratings']:,}", f"{row[others]:,}", last)
@@ -38,12 +38,15 @@ def ranking_table(found: Any, role: Role) -> Table:
 
 def calibration_table(calibration: Calibration) -> Table:
     """Return how many later means intervals covered in the past of a log, by number of raters."""
-    title = f"Intervals covered {calibration.coverage:.0%} of later means"
-    table = number_table(title, "", "later means", "covered", "from", "to", name="raters")
-    for group in calibration.groups:
+    title = f"Intervals covered {calibration.coverage:.0%} of later means (wanted: 95%)"
+    caption = "from, to: ends of the interval, from the estimate on"
+    table = number_table(title, caption, "later means", "covered", "from", "to", name="raters")
+    starts = [group.raters for group in calibration.groups]
+    for group, after in zip(calibration.groups, [*starts[1:], None], strict=True):
         covered = "-" if group.coverage is None else f"{group.coverage:.0%}"
         ends = f"{group.low:+.2f}", f"{group.high:+.2f}"
-        table.add_row(f"{group.raters} or more", f"{group.agents:,}", covered, *ends)
+        most = " or more" if after is None else f" to {after - 1}" * (after > group.raters + 1)
+        table.add_row(f"{group.raters}{most}", f"{group.agents:,}", covered, *ends)
     return table
 
 
@@ -60,7 +63,10 @@ def explanation_table(explanation: Explanation, scale: tuple[float, float]) -> T
         f"{len(explanation.reasons)} of {explanation.n_others:,} {other}s "
         f"with {explanation.n_ratings:,} ratings."
     )
-    caption = f"{many} Others: their mean rating. Without: trust after the log without {whose}."
+    caption = (
+        f"{many} Others: their mean rating, on the scale of the log. Without: trust, from 0 to 1, "
+        f"after the log without {whose}."
+    )
     table = number_table(
         title, caption, "ratings", "others", "trust in it", "without", "change", "rank", name=other
     )
