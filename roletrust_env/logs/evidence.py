@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.logs.names import NameList
-from roletrust_env.trust.edges import check_keys, pair_ends, pair_keys, pairs_left
+from roletrust_env.trust.edges import check_keys, pair_ends, pair_keys
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 from roletrust_env.trust.stored import taken
 
@@ -86,17 +86,6 @@ class PairCounts:
         np.add.at(self._counts, slots, 1)
         if times is not None:
             np.maximum.at(self._last, slots, times)
-
-    def keep(self, raters: npt.NDArray[np.bool_], providers: npt.NDArray[np.bool_]) -> None:
-        """Keep the pairs of agents that stay, of which there is a flag for each place; those after
-        them move up.
-        """
-        left, keys = pairs_left(self._index.keys, (raters, providers))
-        self._index, self._counts, self._last = (
-            KeyIndex.of(keys),
-            self._counts[left],
-            self._last[left],
-        )
 
     def evidence(self, role: Role, names: Sequence[Any], trust: Floats) -> Evidence:
         """Return trust with its evidence for the agents of a role that have ratings.

@@ -180,35 +180,6 @@ class NameIndex:
         known = {} if self._texts is None else self._texts
         return np.array([known.setdefault(name, len(known)) for name in names.tolist()])
 
-    def leaving(self, names: Any, waiting: Names) -> tuple[Ints, set[Any]]:
-        """Return the places of those of some names that have one, each once, and all these names.
-
-        Args:
-            names: Names, of which each has a place or is among those that wait for one.
-            waiting: Names that wait.
-
-        Raises:
-            ValueError: A name is unknown, or has the wrong type.
-        """
-        array = self.check(names)
-        if self._numbers is not None:
-            places = self._numbers.places(array, add=False)
-        else:
-            places = np.array(
-                [(self._texts or {}).get(name, -1) for name in array.tolist()], np.int64
-            )
-        unknown = set(array[places < 0].tolist()).difference(waiting.tolist())
-        if unknown:
-            raise ValueError(
-                f"{next(name for name in array.tolist() if name in unknown)} is not among the "
-                f"{self.role}"
-            )
-        return np.unique(places[places >= 0]), set(array.tolist())
-
-    def keep(self, stay: npt.NDArray[np.bool_]) -> None:
-        """Keep some of the names, in their order; `stay` has a flag for each place."""
-        self.restore(self.stored()[stay])
-
     def restore(self, names: Names) -> None:
         """Take names as they were, by place; without names, both types are welcome again.
 

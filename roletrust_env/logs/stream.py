@@ -20,7 +20,6 @@ from roletrust_env.logs.names import NameIndex, NameList, Names
 from roletrust_env.logs.rounds import nanoseconds, round_numbers, spans
 from roletrust_env.logs.stream_columns import (
     StreamColumns,
-    among,
     joined_columns,
     number_column,
     time_column,
@@ -32,7 +31,7 @@ from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.files import clear_unfinished, locked
 from roletrust_env.storage.untrusted import parse_json
 from roletrust_env.trust.edges import edge_model
-from roletrust_env.trust.key_index import Floats, Ints, staying
+from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.outside import OutsideModel
 from roletrust_env.trust.run import make_run
 from roletrust_env.trust.stored import taken
@@ -308,51 +307,6 @@ class TrustStream:
             columns = self._together(self._waiting)
             self._begun, self._waiting = False, []
             self._play(*columns)
-
-    def remove(self, raters: Any = (), providers: Any = ()) -> None:
-        """Let agents leave, with all that is known of them and of their pairs.
-
-        A name that comes again is that of a newcomer. Ratings by them and of them in a round that
-        has not ended do not count. What they did in earlier rounds stays in the trust of others
-        where the model keeps that trust; a model that computes all trust anew from the memory of
-        pairs, such as EigenTrust, is from the next round on what it would be if it had never seen
-        them.
-
-        It takes time in proportion to all agents and pairs, so many are better removed by one call.
-
-        Args:
-            raters: Names or numbers of raters.
-            providers: Names or numbers of providers. With `same_agents`, agents may be in either
-                list.
-
-        Raises:
-            ValueError: A name is not known. Nothing is changed then.
-
-        Example:
-            >>> from roletrust_env import make_trust_model
-            >>> stream = TrustStream(make_trust_model("mean"))
-            >>> stream.update(["ann", "bob"], ["shop", "stall"], [1.0, 1.0])
-            >>> stream.remove(providers=["stall"])
-            >>> stream.provider_trust()
-            {'shop': 0.75}
-        """
-        columns = joined_columns(self._waiting)
-        waiting = (np.concatenate(columns[:2]),) * 2 if self.same_agents else columns[:2]
-        one, gone = self._raters.leaving(raters, waiting[0])
-        other, lost = self._providers.leaving(providers, waiting[1])
-        if self.same_agents:
-            one = other = np.union1d(one, other)
-            gone = lost = gone | lost
-        self._run.remove(one, other)
-        stay = staying(len(self._raters), one), staying(len(self._providers), other)
-        if self._pairs is not None:
-            self._pairs.keep(*stay)
-        self._raters.keep(stay[0])
-        if not self.same_agents:
-            self._providers.keep(stay[1])
-        there = ~(among(columns[0], gone) | among(columns[1], lost))
-        self._waiting = [tuple(column[there] for column in columns)] if there.any() else []  # type: ignore[list-item]
-        self._expect_names()
 
     def rater_trust(self) -> dict[Any, float]:
         """Return the trust of each rater by name, in [0, 1]. Raters whose first round has not ended

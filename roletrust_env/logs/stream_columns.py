@@ -3,7 +3,6 @@
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from roletrust_env.arrays import numpy_array
 from roletrust_env.logs.names import Names
@@ -72,8 +71,3 @@ def joined_columns(parts: list[StreamColumns]) -> StreamColumns:
     """Return columns one after the other; columns without ratings if there are none."""
     none = *np.zeros((2, 0), np.int64), np.zeros(0), np.zeros(0, np.int64)
     return tuple(np.concatenate(columns) for columns in zip(*parts or [none], strict=True))  # type: ignore[return-value]
-
-
-def among(names: Names, chosen: set[Any]) -> npt.NDArray[np.bool_]:
-    """Return whether each name is one of the chosen."""
-    return np.fromiter((name in chosen for name in names.tolist()), bool, len(names))

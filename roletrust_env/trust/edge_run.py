@@ -13,11 +13,10 @@ from roletrust_env.trust.edges import (
     edge_model,
     pair_ends,
     pair_keys,
-    pairs_left,
     start_on_edges,
     takes_peers,
 )
-from roletrust_env.trust.key_index import Floats, Ints, KeyIndex, staying
+from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 from roletrust_env.trust.model import Traits, TrustModel
 from roletrust_env.trust.model_checks import needs_watching, watched_update
 from roletrust_env.trust.ratings import Ratings, merge_repeats
@@ -151,23 +150,6 @@ class EdgeRun(TrustRun):
         if not self._one_role:
             raters = providers = max(raters, providers)
         self._grow({"rater": raters, "provider": providers})
-
-    def remove(self, raters: Ints, providers: Ints) -> None:
-        """Let agents leave. See `TrustRun.remove`."""
-        if not self._one_role:
-            raters = providers = np.union1d(raters, providers)
-        stay = staying(self.shape[0], raters), staying(self.shape[1], providers)
-        pairs, keys = pairs_left(self._index.keys, stay)
-        rater_indices, provider_indices = map(np.flatnonzero, stay)
-        chosen: dict[Kind, Ints] = {
-            "rater": rater_indices,
-            "provider": provider_indices,
-            "pair": pairs,
-            "age": pairs,
-        }
-        self._state = map_kinds(lambda kind, leaf: leaf[chosen[kind]], self._state)
-        self._sizes = {kind: len(places) for kind, places in chosen.items()}
-        self._index = KeyIndex.of(keys)
 
     def _grow(self, sizes: Mapping[Kind, int]) -> None:
         """Make room for so many entries of each kind, at the values of the start."""

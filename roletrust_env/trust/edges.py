@@ -1,10 +1,8 @@
 """Central models on a list of edges: which run there, and how they start."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.trees import Kind, arrays, kinds, map_kinds
@@ -34,22 +32,6 @@ def check_keys(keys: Ints, shape: tuple[int, int]) -> None:
     for ends, size in zip(pair_ends(keys), shape, strict=True):
         if ((ends < 0) | (ends >= size)).any():
             raise ValueError("a pair has an agent that is not there")
-
-
-def pairs_left(keys: Ints, stay: Sequence[npt.NDArray[np.bool_]]) -> tuple[Ints, Ints]:
-    """Return the places of the pairs in which both agents stay, and their keys after those behind
-    them have moved up.
-
-    Args:
-        keys: Keys of all pairs, see `pair_keys`.
-        stay: Whether the rater at each place stays, and the provider.
-    """
-    ends = pair_ends(keys)
-    left = np.flatnonzero(stay[0][ends[0]] & stay[1][ends[1]])
-    raters, providers = (
-        (np.cumsum(flags) - 1)[places[left]] for flags, places in zip(stay, ends, strict=True)
-    )
-    return left, pair_keys(raters, providers)
 
 
 def runs_on_edges(model: Any) -> bool:

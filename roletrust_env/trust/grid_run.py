@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from roletrust_env.shapes import PerPair, Shape
 from roletrust_env.trees import leaves, map_leaves
-from roletrust_env.trust.key_index import Floats, Ints, staying
+from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.model import Peers, start_model
 from roletrust_env.trust.model_checks import watched_update
 from roletrust_env.trust.ratings import Ratings, merge_repeats
@@ -111,26 +111,6 @@ class GridRun(TrustRun):
 
     def _pairs(self, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
         return pairs_of(shape, one_role=self._one_role)
-
-    def remove(self, raters: Ints, providers: Ints) -> None:
-        """Let agents leave. See `TrustRun.remove`."""
-        if not self._one_role:
-            raters = providers = np.union1d(raters, providers)
-        stay = [
-            np.flatnonzero(staying(size, gone))
-            for size, gone in zip(self.shape, (raters, providers), strict=True)
-        ]
-
-        def cut(leaf: Any, trial: Any) -> Any:
-            for axis, size in enumerate(getattr(trial, "shape", ())):
-                if size in _SIDES:
-                    leaf = np.take(leaf, stay[_SIDES.index(size)], axis)
-            return leaf
-
-        self.state, self.peers = (
-            map_leaves(cut, self.state, _trial(self.model)),
-            self.peers[np.ix_(*stay)],
-        )
 
     def save(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the run keeps, by name. See `TrustRun.save`."""

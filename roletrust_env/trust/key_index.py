@@ -170,10 +170,3 @@ class KeyIndex:
         if self._direct:
             return np.minimum(numbers, np.uint64(self._size)).view(np.int64)
         return ((numbers * _FACTOR) >> self._shift).view(np.int64)
-
-
-def staying(size: int, leaving: Ints) -> npt.NDArray[np.bool_]:
-    """Return whether the agent at each of so many places stays."""
-    flags = np.ones(size, bool)
-    flags[leaving[leaving < size]] = False
-    return flags

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from roletrust_env.shapes import Shape
 from roletrust_env.trees import check_ranges
-from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.ratings import EdgeFloats, EdgeInts
 
 
@@ -64,18 +64,6 @@ class TrustRun(ABC):
     @abstractmethod
     def join(self, raters: int, providers: int) -> None:
         """Make room for so many raters and providers; new ones have the initial trust."""
-
-    @abstractmethod
-    def remove(self, raters: Ints, providers: Ints) -> None:
-        """Let agents leave, with their trust and the memory of their pairs; those after them move
-        up.
-
-        It takes time in proportion to all agents and pairs. What their ratings did to the trust of
-        others stays where a model keeps that trust; models that compute it from the memory of all
-        pairs do so in the next round.
-
-        Places without an agent are ignored.
-        """
 
     @abstractmethod
     def save(self) -> dict[str, npt.NDArray[Any]]:

@@ -10,17 +10,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import hypothesis.strategies as st
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
 from refusals import refuses
 
 from roletrust_env.logs import TrustStream
-from roletrust_env.logs.models import LOG_MODELS
 from roletrust_env.storage.arrays import load_arrays, save_arrays
-from roletrust_env.trust import Traits, make_trust_model, trust_models
+from roletrust_env.trust import make_trust_model
 
 MODELS = pytest.mark.parametrize(
     "name", ["role-trust", "median", "beta-filtered", "wary-role-trust", "eigentrust"]
@@ -273,134 +270,6 @@ def test_a_killed_process_leaves_a_whole_state(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-CENTRAL = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]
-
-
-def played(
-    model: Any, rounds: list[Any], removed: dict[int, tuple[set[int], set[int]]], **settings: Any
-) -> TrustStream:
-    """A stream of rounds of (rater, provider, rating), after some of which agents leave."""
-    stream = TrustStream(model, **settings)
-    for number, ratings in enumerate(rounds):
-        stream.update(*([rating[n] for rating in ratings] for n in range(3)))
-        raters, providers = removed.get(number, (set(), set()))
-        stream.remove(
-            *(
-                sorted(who & set(trust))
-                for who, trust in zip((raters, providers), trusts(stream), strict=True)
-            )
-        )
-    return stream
-
-
-AGENTS = st.sets(st.integers(0, 5))
-ROUNDS = st.lists(
-    st.lists(
-        st.tuples(st.integers(0, 5), st.integers(0, 5), st.sampled_from([0.0, 0.3, 0.5, 1.0])),
-        max_size=12,
-    ),
-    min_size=1,
-    max_size=4,
-)
-
-
-@settings(max_examples=10)
-@given(rounds=ROUNDS, others=ROUNDS)
-def test_strangers_that_leave_were_never_there(rounds: list[Any], others: list[Any]) -> None:
-    """They rate each other only. Where all providers are felt by all, they are not strangers.
-
-    So wary role-trust, which feels a shock to most providers, is left out, and leave-one-out has no
-    median provider.
-    """
-    both = [
-        [*some, *((rater + 10, provider + 10, rating) for rater, provider, rating in more)]
-        for some, more in zip(rounds, [*others, *[[]] * 4], strict=False)
-    ]
-    far = set(range(10, 20))
-    for name in (*CENTRAL, *LOG_MODELS):
-        if name == "wary-role-trust":
-            continue
-        alone = {"modesty": 0.0} if name == "leave-one-out" else {}
-        model = LOG_MODELS[name]() if name in LOG_MODELS else make_trust_model(name, **alone)
-        gone = played(model, [*both, rounds[0]], {len(rounds) - 1: (far, far)})
-        for one, other in zip(
-            trusts(gone), trusts(played(model, [*rounds, rounds[0]], {})), strict=True
-        ):
-            assert one == pytest.approx(other, abs=1e-12), name
-
-
-ANEW = pytest.mark.parametrize(
-    "name",
-    ["eigentrust", "iterative-filtering", "two-way-mean", "fairness-goodness", "bias-deserve"],
-)
-
-
-@ANEW
-@pytest.mark.parametrize("same_agents", [False, True])
-@settings(max_examples=10)
-@given(rounds=ROUNDS, raters=AGENTS, providers=AGENTS)
-def test_a_model_of_all_pairs_forgets_who_left(
-    name: str, same_agents: bool, rounds: list[Any], raters: set[int], providers: set[int]
-) -> None:
-    """From the next round on, trust is that of a stream that has never seen them."""
-    model = LOG_MODELS[name]() if name in LOG_MODELS else make_trust_model(name)
-    if same_agents:
-        raters = providers = raters | providers
-        rounds = [[rating for rating in some if rating[0] != rating[1]] for some in rounds]
-    last = [
-        (agent, (agent + 1) % 6, agent / 5) for agent in range(6)
-    ]  # who left comes again, as a newcomer
-    never = [[r for r in some if r[0] not in raters and r[1] not in providers] for some in rounds]
-    gone = played(
-        model, [*rounds, last], {len(rounds) - 1: (raters, providers)}, same_agents=same_agents
-    )
-    wanted = played(model, [*never, last], {}, same_agents=same_agents)
-    for one, other in zip(trusts(gone), trusts(wanted), strict=True):
-        assert one == pytest.approx(other, abs=1e-12)
-
-
-@MODELS
-@pytest.mark.parametrize("texts", [False, True])
-def test_who_left_and_comes_again_is_a_newcomer(tmp_path: Path, name: str, texts: bool) -> None:
-    """Also after the state was saved, and its ratings of the round that has begun do not count."""
-    raters, providers, ratings, times = some_ratings()
-    who = [f"a{n}" for n in raters] if texts else raters
-    one = "a7" if texts else 7
-    stream = TrustStream(make_trust_model(name), scale=(1, 5), every=10)
-    stream.update(who, providers, ratings, times)
-    before = stream.rater_trust()
-    stream.remove(raters=[one], providers=[44, 45, 44])
-    after = stream.rater_trust()
-    assert after == {agent: trust for agent, trust in before.items() if agent != one}
-    assert not {44, 45} & set(stream.provider_trust())
-    stream.save(tmp_path / "state.npz")
-    stream = TrustStream.load(
-        tmp_path / "state.npz", make_trust_model(name), scale=(1, 5), every=10
-    )
-    stream.finish()
-    assert one not in stream.rater_trust()
-    stream.update([one], [50], [4], [200.0])
-    assert stream.rater_trust().keys() == after.keys()
-    stream.finish()
-    assert list(stream.rater_trust()) == [*after, one]
-    stream.remove(raters=list(stream.rater_trust()), providers=list(stream.provider_trust()))
-    assert trusts(stream) == [{}, {}]
-
-
-def test_nobody_leaves_who_is_not_known() -> None:
-    stream = TrustStream(make_trust_model("role-trust"))
-    with refuses(ValueError, "7"):
-        stream.remove([7])
-    stream.update(["a", "b"], [1, 2], [0.5, 1.0])
-    before = trusts(stream)
-    with refuses(ValueError, "3"):
-        stream.remove(["a"], [1, 3])
-    with refuses(ValueError, "providers", "texts", "whole numbers"):
-        stream.remove(["a"], ["1"])
-    stream.remove()
-    assert trusts(stream) == before
-
-
 @pytest.mark.parametrize("same_agents", [False, True])
 def test_a_stream_without_agents_goes_on_with_any_names(tmp_path: Path, same_agents: bool) -> None:
     stream = TrustStream(make_trust_model("mean"), same_agents=same_agents)
@@ -484,21 +353,18 @@ def test_times_without_rounds_by_time_tell_when_agents_were_rated_last(tmp_path:
 
 
 def test_a_loaded_stream_goes_on_with_the_round_that_has_begun(tmp_path: Path) -> None:
-    """Also where the agents of all of its ratings have left, and its names have no place yet."""
+    """Also where its names have no place yet."""
     model = make_trust_model("mean")
-    for leaves, second in ((False, 12.0), (True, 12.0), (False, 2.0)):
+    for second in (12.0, 2.0):
         streams = []
         for loads in (False, True):
             stream = TrustStream(model, every=10.0)
             stream.update([1, 2], [3, 3], [0.5, 1.0], [1.0, second])
-            if leaves:
-                stream.remove(raters=[2])
             if loads:
                 stream.save(tmp_path / "state")
                 stream = TrustStream.load(tmp_path / "state", model, every=10.0)
-            if not leaves:
-                with refuses(ValueError, "raters"):
-                    stream.update(["x"], ["y"], [0.5], [second + 1])
+            with refuses(ValueError, "raters"):
+                stream.update(["x"], ["y"], [0.5], [second + 1])
             stream.finish()
             stream.update([4], [3], [0.25], [second + 2])  # its round has ended
             stream.finish()
