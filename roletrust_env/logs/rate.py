@@ -27,7 +27,8 @@ from roletrust_env.trust.edges import runs_on_edges
 from roletrust_env.trust.trust_run import TrustRun
 
 MODEL = "leave-one-out"
-"""Trust model unless another is given: the nearest to later ratings of the log of docs/real.md."""
+"""Trust model unless another is given: that with the highest correlation with the next ratings of
+the log of docs/real.md."""
 
 ROLES: tuple[Role, ...] = get_args(Role)
 

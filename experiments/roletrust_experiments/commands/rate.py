@@ -21,8 +21,8 @@ from roletrust_experiments.commands.rate_tables import (
 )
 
 _REASON = (
-    "the nearest to later ratings of the real log of docs/real.md; the paper's is --model "
-    "role-trust"
+    "which had the highest correlation with the next ratings of the real log of docs/real.md; the "
+    "paper's is --model role-trust"
 )
 
 

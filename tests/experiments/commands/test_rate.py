@@ -87,7 +87,7 @@ def test_one_table_of_both_roles_by_trust_and_why_this_model(log: Path, tmp_path
     import pyarrow.parquet
 
     result = printed("rate", log, *COLUMNS, "--out", tmp_path / "out.parquet")
-    assert "Model leave-one-out, the nearest" in result
+    assert "Model leave-one-out, which had" in result
     table = pyarrow.parquet.read_table(tmp_path / "out.parquet").to_pylist()
     assert [row["role"] for row in table] == ["ratee"] * 10 + ["rater"] * 40
     trusts = [row["trust"] for row in table[:10]]
