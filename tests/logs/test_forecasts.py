@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from refusals import refuses
+from small_logs import small_log, synthetic_log
 
-from roletrust_env.logs import write_log
 from roletrust_env.logs.forecasts import forecast_measures, forecasts
-from roletrust_env.logs.log import Log, read
+from roletrust_env.logs.log import Log
 from roletrust_env.logs.log_rounds import log_rounds
 from roletrust_env.logs.models import make_log_model
 from roletrust_env.trust import make_trust_model
@@ -14,17 +14,9 @@ from roletrust_env.trust import make_trust_model
 MONTH = 2_592_000
 
 
-def small_log(edges: list[tuple[int, int, float, float]]) -> Log:
-    raters, ratees, values, times = (np.array(column) for column in zip(*edges, strict=True))
-    names = [str(n) for n in range(int(max(raters.max(), ratees.max())) + 1)]
-    return Log(raters, ratees, values.astype(float), times.astype(int) * 10**9, names, names)
-
-
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
-    path = tmp_path_factory.mktemp("log") / "ratings.csv.gz"
-    write_log(path)
-    return read(path, scale=(-10, 10), same_agents=True)
+    return synthetic_log(tmp_path_factory.mktemp("log"))
 
 
 def test_forecasts_see_no_future() -> None:
