@@ -8,7 +8,7 @@ import numpy as np
 from roletrust_env.randomness import generator
 
 
-def write_log(path: Path, seed: int = 0, members: int = 120, months: int = 24) -> None:
+def write_log(path: Path | str, seed: int = 0, members: int = 120, months: int = 24) -> None:
     """Write a small synthetic log of members that rate members from -10 to 10, compressed.
 
     A tenth of the members cheat. Members join over time, prefer those that have been rated often,

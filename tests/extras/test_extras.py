@@ -171,14 +171,18 @@ print(*record(JointPolicy(game, {}), game.random(seed=0), batch=(2,)).tor.shape)
 
 
 def test_logs(fresh: Callable[..., Environment]) -> None:
+    """A frame goes in, frames come out, and a price."""
     lines = """
-from pathlib import Path
-import pyarrow as arrow, pyarrow.parquet
-from roletrust_env.logs import read
-arrow.parquet.write_table(arrow.table({"rater": ["a"], "ratee": ["x"], "rating": [1]}), "log.parquet")
-print(read(Path("log.parquet")).shape)
-"""  # noqa: E501
-    assert fresh("data").python(lines) == "(1, 1)\n"
+import pandas as pd
+from roletrust_env.logs import audit, compare, rate, read, write_log
+write_log("log.csv.gz")
+rated = rate(pd.read_csv("log.csv.gz"), scale=(-10, 10), every=2_592_000, same_agents=True)
+rated.explain("7")
+prices = audit(rated, top=2, targets=1, budget=3).table
+found = compare(rated.log, ["mean"]).measures
+print(len(rated.ratees), len(rated.raters), len(prices), len(found))
+"""
+    assert fresh("data").python(lines) == "104 112 4 12\n"
 
 
 def test_train(fresh: Callable[..., Environment]) -> None:

@@ -27,6 +27,8 @@ for package in ("roletrust_env", "roletrust_agents", "roletrust_baselines", "rol
         if not module.name.endswith(("cluster", "__main__")) and "roletrust_nodes" not in module.name:  # Ray, ROS 2
             importlib.import_module(module.name)
 """  # noqa: E501
+LOG = "from roletrust_env.logs import write_log; write_log('log.csv.gz')"
+MEMBERS = "--same-agents", "--scale", -10, 10
 PLAYED = """
 import gymnasium, pettingzoo, roletrust_env
 env = pettingzoo.make("parallel", "RoleTrust-v0", max_cycles=3)
@@ -90,7 +92,9 @@ def check(environment: Environment) -> None:
     torch."""
     assert environment.python(PLAYED) == "(2,)\n"
     environment.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2)
-    environment.roletrust("compare", "log", "--synthetic", "--model", "mean", "--out", "measured")
+    environment.python(LOG)
+    environment.roletrust("compare", "log.csv.gz", *MEMBERS, "--model", "mean", "--out", "measured")
+    environment.roletrust("rate", "log.csv.gz", *MEMBERS, "--out", "trust")
     assert environment.python(SERVED) == "True\n"
     assert "Made in keys" in environment.roletrust("live", "keys", "keys")
 
