@@ -58,7 +58,7 @@ def app(
     [dim]# what can be played[/]
     [cyan]roletrust list[/]
 
-    [dim]# whom to trust, from a file of ratings[/]
+    [dim]# which agents to trust, from a file of ratings[/]
     [cyan]roletrust rate ratings.csv --scale 1 5[/]
 
     [dim]# every trust model under every attack: minutes[/]

@@ -1,6 +1,6 @@
 """An audit of the ranking of a log: the price of pushing agents over the edge of the top.
 
-An attack joins the last rounds of the log, beside its ratings, and counts by the ranks at the end.
+An attack adds ratings to the last rounds of the log, and counts by the ranks at the end.
 The attacker knows the log and the model, and sees the ranks.
 """
 
@@ -247,10 +247,10 @@ def _begin(ranking: Ranking, searches: Sequence[Search], prices: Prices) -> None
                 search.begin(exact.cheapest(search.target, strict=True)[1])
         return
     for model in (Mean(), AllTimeMean()):
-        alike = Ranking(
+        plain = Ranking(
             model, ranking.log, ranking.every, top=ranking.top, shrinkage=ranking.shrinkage
         )
-        exact, best = ExactPrices(alike, prices, work=_QUICK), alike.order[: ranking.top]
+        exact, best = ExactPrices(plain, prices, work=_QUICK), plain.order[: ranking.top]
         for search in searches:
             if (search.target.place in best) == (search.target.goal == "sink"):
                 search.begin(exact.cheapest(search.target)[1])

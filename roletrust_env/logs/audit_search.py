@@ -241,8 +241,8 @@ class Search:
         return None
 
     def _changes(self, rows: Sequence[Row]) -> Iterator[tuple[list[Row], list[Row]]]:
-        """Yield changes of ratings that are alike, at once and one by one: the ratings that go, and
-        those that come.
+        """Yield changes of ratings that differ in the account alone, at once and one by one: the
+        ratings that go, and those that come.
         """
         groups = _grouped(rows)
         some = [*(group for group in groups if len(group) > 1), *(group[:1] for group in groups)]

@@ -111,9 +111,12 @@ class Calibration(UntrustedModel):
         return low, high
 
 
-def cuts(log: Log, numbers: Ints) -> Ints:
+def cuts(numbers: Ints) -> Ints:
     """Return the numbers of ratings before the cuts, ascending: at ends of rounds, or anywhere in a
     log with a single round.
+
+    Args:
+        numbers: Number of the round of each rating, shape (n,), ascending.
     """
     wanted = len(numbers) * np.arange(1, CUTS + 1) // (CUTS + 1)
     if numbers[-1] > numbers[0]:
@@ -139,7 +142,7 @@ def replayed(model: Any, log: Log, seed: int) -> tuple[Log, list[Past]]:
     numbers = np.zeros(len(some), np.int64)
     return log, [
         Past(end, played(model, first(log, slice(end)), numbers[:end]).provider_trust)
-        for end in cuts(log, numbers).tolist()
+        for end in cuts(numbers).tolist()
     ]
 
 
@@ -274,8 +277,8 @@ def _group(raters: Ints) -> Ints:
 
 
 def _near(known: tuple[Ints, Floats], group: int) -> Floats:
-    """Return the residuals of a group, ascending, and those of groups beside it while there are
-    too few.
+    """Return the residuals of a group, ascending, and those of neighbouring groups while there
+    are too few.
     """
     groups, residuals = known
     for far in range(len(RATERS)):

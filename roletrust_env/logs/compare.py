@@ -275,17 +275,17 @@ def decide(
         reason = f"Not significantly different from the best forecast: {near}."
     found = {k: one for k in good if (one := kept[k]) is not None}
     if len(found) < len(good):
-        return (standings, names[best] if len(good) == 1 else "", reason)
+        return standings, names[best] if len(good) == 1 else "", reason
     firm = max(good, key=lambda k: float(found[k][0]))
     if found[firm][0] < _HALF:
         reason += f" None resists: at most {found[firm][0]:.2f} of 1 is kept under attack."
     if len(good) == 1 or found[firm][0] < _HALF:
-        return (standings, names[best] if len(good) == 1 else "", reason)
+        return standings, names[best] if len(good) == 1 else "", reason
     others = (found[firm][1:] - found[k][1:] for k in good if k != firm)
     if not all(_interval(0.0, other).low > 0 for other in others):
-        return (standings, "", reason)
+        return standings, "", reason
     reason += f" Of these, {names[firm]} keeps significantly more under attack."
-    return (standings, names[firm], reason)
+    return standings, names[firm], reason
 
 
 def _forecasts(

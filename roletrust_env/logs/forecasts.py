@@ -2,6 +2,7 @@
 round.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,10 +56,12 @@ def forecasts(model: Any, log: Log, every: float) -> Forecasts:
 
 
 def forecast_measures(found: Forecasts, log: Log, seed: int = 0) -> dict[str, Interval]:
-    """Return how well trust forecasts ratings, with intervals that resample ratees.
+    """Return how well trust forecasts ratings.
 
-    - `r`: Pearson's correlation of trust and rating, as Kumar et al. (2016) report it.
-    - `auc`: area under the ROC curve for negative ratings, those below the middle of the scale.
+    - `r`: Pearson's correlation of trust and rating, as Kumar et al. (2016) report it. It does not
+      have an interval here: `compare` resamples all models together.
+    - `auc`: area under the ROC curve for negative ratings, those below the middle of the scale. Its
+      interval resamples ratees.
 
     Args:
         found: Trust before the rounds.
@@ -68,6 +71,6 @@ def forecast_measures(found: Forecasts, log: Log, seed: int = 0) -> dict[str, In
     values, groups = log.values[found.ratings], log.ratees[found.ratings]
     bad = (values < 0.5).astype(np.float64)
     return {
-        "r": interval(correlation(found.trust, values), groups, seed),
+        "r": Interval(correlation(found.trust, values)(np.ones(len(values))), math.nan, math.nan),
         "auc": interval(auc(found.trust, bad), groups, seed),
     }

@@ -60,7 +60,7 @@ class Log(NamedTuple):
 
 
 def check_log(log: Any) -> None:
-    """Refuse what is no log.
+    """Refuse anything but a log.
 
     Raises:
         TypeError: It is something else, such as a data frame.

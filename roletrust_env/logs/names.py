@@ -51,6 +51,10 @@ class NameList(Sequence[Any]):
         """Return the column."""
         return self.column
 
+    def texts(self, places: Any) -> Names:
+        """Return the names at some places as an array of objects."""
+        return np.array(list(self.at(places)), object)
+
     def at(self, places: Any) -> "NameList":
         """Return the names at some places."""
         return NameList(self.column.take(np.asarray(places, np.int64)))

@@ -105,10 +105,10 @@ class Rated:
         """Return trust in the agents of a role that have ratings, with its evidence.
 
         Raises:
-            ValueError: There is no such role.
+            ValueError: The role is unknown.
         """
         if role not in ROLES:
-            raise ValueError(f"there is no role {role!r}; roles are {' and '.join(ROLES)}")
+            raise ValueError(f"unknown role {role!r}; roles are {' and '.join(ROLES)}")
         return self._counted().evidence(role)
 
     def table(self, role: Role) -> Any:
@@ -204,7 +204,7 @@ class Rated:
         self.evidence(role)  # refuses an unknown role
         places = find_agent(log, str(agent))
         if role not in places:
-            raise ValueError(f"{agent} is no {role}, but a {next(iter(places))}")
+            raise ValueError(f"{agent} is not a {role}, but a {next(iter(places))}")
         place = places[role]
         numbers = numbers_of(log, self.stream.every)
         what = f"Explaining trust in the {role} {agent}"
@@ -231,7 +231,7 @@ class Rated:
             raise ValueError("the first ratings were a Log, so further ones must be one, too")
         log = source if isinstance(source, Log) else read(source, **(self._columns or {}))
         raters, ratees = (
-            np.array(list(NameList.of(names).at(places)), object)
+            NameList.of(names).texts(places)
             for names, places in ((log.rater_names, log.raters), (log.ratee_names, log.ratees))
         )
         times = None if log.times is None else log.times.view("datetime64[ns]")
@@ -338,10 +338,10 @@ def rate(
     if state is not None and (trusted or every is None):
         raise ValueError("a state needs rounds by time (every), and takes no trusted raters")
     if state is not None and not runs_on_edges(made):
-        raise ValueError(f"{name} keeps numbers for all pairs, so it has no state")
+        raise ValueError(f"{name} keeps numbers for all pairs, so it cannot have a state")
     if trusted and not hasattr(made, "seeds"):
         raise ValueError(
-            f"{name} has no seeds for trusted raters; merit-rank and personalized-pagerank have"
+            f"{name} does not take trusted raters; merit-rank and personalized-pagerank do"
         )
     advance("Reading", 0.0)
     log = source if columns is None else read(source, **columns)
@@ -382,7 +382,7 @@ def _whole(
     """Return trust after a whole log, calibrated on its past."""
     many, wanted, pasts = len(log.values), set[int](), list[Past]()
     if every is not None:
-        wanted = set(cuts(log, numbers_of(log, every)).tolist())
+        wanted = set(cuts(numbers_of(log, every)).tolist())
 
     def before(taken: int, run: TrustRun) -> None:
         advance("Playing rounds", taken / many)

@@ -176,8 +176,7 @@ class TrustStream:
                 stream._count(*places, values, times)
             else:
                 raters, ratees = (
-                    np.array(list(NameList.of(side).at(at)), object)
-                    for side, at in zip(names, places, strict=True)
+                    NameList.of(side).texts(at) for side, at in zip(names, places, strict=True)
                 )
                 stream._waiting, stream._begun = [(raters, ratees, values, times)], True
         return stream
@@ -265,7 +264,7 @@ class TrustStream:
         own: StreamColumns = tuple(column[there] for column in columns)  # type: ignore[assignment]
         if there.any():
             parts = [*self._waiting, own]
-            if start != self._start or np.any(self._round_numbers(own[3], start) > self.rounds):
+            if start != self._start or (numbers > self.rounds).any():
                 columns = self._together(parts)
                 numbers = self._round_numbers(columns[3], start)
                 order = np.argsort(numbers, kind="stable")

@@ -1,6 +1,5 @@
 """Tables of columns, as CSV or Parquet, written by pyarrow."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,31 +7,25 @@ import numpy as np
 
 from roletrust_env.storage.files import replacing
 
-_ROWS = 100_000  # at a time
 _LARGE = 1e12  # numbers that have no six decimals in 64 bits
 
 
-def write_table(path: Path, table: Any, advance: Callable[[int], None] = lambda rows: None) -> None:
+def write_table(path: Path, table: Any) -> None:
     """Write a table of pyarrow, completely or not at all.
 
     Args:
         path: Path of the file: `.parquet` for Parquet, else CSV. There, texts are in quotes, and
             missing ones empty. Columns of floats have six decimals if all are below 10^12.
         table: Table.
-        advance: Function that is called with the number of rows that were written since the last
-            call.
     """
-    if path.suffix == ".parquet":
+    if path.suffix.lower() == ".parquet":
         from pyarrow.parquet import ParquetWriter as Writer
     else:
         from pyarrow.csv import CSVWriter as Writer
 
         table = _decimals(table)
     with replacing(path) as temporary, Writer(temporary, table.schema) as writer:
-        for start in range(0, max(len(table), 1), _ROWS):
-            part = table.slice(start, _ROWS)
-            writer.write_table(part)
-            advance(len(part))
+        writer.write_table(table)
 
 
 def _decimals(table: Any) -> Any:

@@ -78,9 +78,9 @@ def test_too_few_later_ratings_calibrate_nothing() -> None:
 def test_cuts_are_where_rounds_end() -> None:
     log = community(0, 500)
     numbers = log_rounds(log, 50 * 86_400.0)
-    for cut in cuts(log, numbers).tolist():
+    for cut in cuts(numbers).tolist():
         assert numbers[cut - 1] < numbers[cut]
-    assert cuts(log, np.zeros(500, np.int64)).tolist() == [50 * n for n in range(1, 10)]
+    assert cuts(np.zeros(500, np.int64)).tolist() == [50 * n for n in range(1, 10)]
 
 
 def test_a_calibration_is_that_of_a_slow_copy() -> None:

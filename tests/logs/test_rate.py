@@ -165,3 +165,8 @@ def test_names_and_scales_may_be_numbers_of_numpy() -> None:
         rated.table("provider")  # type: ignore[arg-type]
     with refuses(ValueError, "ann"):
         rate(data, scale=(1, 5), trusted="ann", model="merit-rank")
+
+
+def test_a_table_may_end_in_capitals(tmp_path: Path) -> None:
+    (path,) = rate(frame(), **SETTINGS).write(tmp_path / "trust.PARQUET")
+    assert pd.read_parquet(path).role.value_counts().to_dict() == {"rater": 40, "ratee": 10}

@@ -10,6 +10,7 @@ from rich.table import Table
 from roletrust_env.logs.audit import AuditReport
 from roletrust_env.logs.audit import audit as audit_log
 from roletrust_env.logs.audit_ranking import Journal, Prices
+from roletrust_env.logs.compare import MONTH
 from roletrust_env.logs.models import make_log_model
 from roletrust_env.logs.rate import MODEL
 from roletrust_env.storage.files import prepare_folder, write_text
@@ -22,7 +23,7 @@ from roletrust_experiments.commands.console import (
     stage,
     tell,
 )
-from roletrust_experiments.commands.log_options import MONTH, LogOptions
+from roletrust_experiments.commands.log_options import LogOptions
 from roletrust_experiments.commands.options import NAMED, OWN, Out, with_options
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.report.audit import WORDS, amount, audit_figure, audit_page
@@ -66,8 +67,8 @@ def audit(
     """Find [bold]the price of manipulating the ranking of a log[/]: how many accounts and ratings
     push an agent out of the top, or into it.
 
-    Hostile accounts join the last twelve rounds of the log, beside its ratings. Targets are each
-    agent of the top, ten agents that are drawn below it, and an unrated one. For each, the output
+    Hostile accounts add ratings to the last twelve rounds of the log. Targets are each agent of
+    the top, ten agents that are drawn below it, and an unrated one. For each, the output
     has a lower and an upper bound of the price. For mean, median, trimmed-mean and all-time-mean
     the cheapest attack is computed. For other models a search finds the upper bound, and a larger
     --budget continues a smaller one. Targets at the border of the top are always cheap, so they are

@@ -10,7 +10,6 @@ import typer
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_settings
 from roletrust_env.logs.columns import COLUMNS
-from roletrust_env.logs.compare import MONTH as MONTH
 from roletrust_env.logs.log import Log
 from roletrust_env.logs.log import read as read_log
 from roletrust_env.logs.sources import Reading

@@ -121,7 +121,7 @@ def rate(
         written = rated.write(out)
         for role in ROLES:
             if role == "rater" and not rated.stream.model.rates_raters:
-                tell(f"{model} has no notion of trust in raters.")
+                tell(f"{model} does not compute trust in raters.")
             else:
                 console.print(ranking_table(rated.table(role), role))
         if calibration := rated.calibration:
