@@ -4,8 +4,8 @@ and how wide an interval must be to cover them.
 The log is cut at a few places. Trust at a cut knows the ratings before it, and is compared with the
 mean of each agent's ratings after it. An interval is made of how far later means were from trust at
 earlier cuts, among agents with about as many raters (split conformal prediction; Vovk et al.,
-2005). Its level is the one that covers 95% at the later cuts, since ratings drift (Gibbs and
-Candès, 2021, adapt the level for the same reason).
+2005). The level of each such group is the one that covers 95% of it at the later cuts, since
+ratings drift (Gibbs and Candès, 2021, adapt the level for the same reason).
 """
 
 from collections.abc import Iterable, Sequence
@@ -79,8 +79,6 @@ class Calibration(UntrustedModel):
     """Spearman's correlation of trust with later means, the mean over later cuts."""
     estimate_forecast: float = Field(ge=-1, le=1)
     """Spearman's correlation of shrunken trust with later means."""
-    level: float = Field(ge=0, le=1)
-    """Share of the residuals of its group that an interval leaves out."""
     coverage: float = Field(ge=0, le=1)
     """Share of later means at the later cuts that intervals covered, by levels of earlier cuts."""
     groups: tuple[Group, ...]
@@ -179,14 +177,14 @@ def calibrated(log: Log, pasts: Sequence[Past], final: Shrinkage) -> Calibration
     for at in later:
         groups, residuals = seen.residuals(estimates, [at], end)
         new = _p_values(seen.residuals(estimates, range(at), at), groups, residuals)
-        covered = np.append(covered, new > _level(p))
+        covered = np.append(covered, new > _levels(group, p)[groups])
         p, group = np.append(p, new), np.append(group, groups)
     if len(p) < FEWEST:
         return None
-    level, known = _level(p), seen.residuals(estimates, range(end), end)
+    levels, known = _levels(group, p), seen.residuals(estimates, range(end), end)
     found = list[Group]()
     for number, least in enumerate(RATERS):
-        low, high = _ends(_near(known, number), level)
+        low, high = _ends(_near(known, number), levels[number])
         own = covered[group == number]
         share = float(own.mean()) if len(own) else None
         found.append(Group(raters=least, low=low, high=high, agents=len(own), coverage=share))
@@ -195,18 +193,22 @@ def calibrated(log: Log, pasts: Sequence[Past], final: Shrinkage) -> Calibration
         weight=final.weight if estimates is shrunken else 0.0,
         trust_forecast=float(plain.mean()),
         estimate_forecast=float(drawn.mean()),
-        level=level,
         coverage=float(covered.mean()),
         groups=tuple(found),
     )
 
 
-def _level(p: Floats) -> float:
-    """Return the greatest level, up to 5%, that at least 95% of some p-values exceed."""
-    if not len(p):
-        return 1 - COVERED
-    wanted = np.nextafter(np.sort(p)[int((1 - COVERED) * len(p))], 0.0)
-    return min(float(wanted), 1 - COVERED)
+def _levels(groups: Ints, p: Floats) -> Floats:
+    """Return the level of each group: the greatest one, up to 5%, that at least 95% of its p-values
+    exceed.
+    """
+    levels = np.full(len(RATERS), 1 - COVERED)
+    for number in range(len(RATERS)):
+        near = _near((groups, p), number)
+        if len(near):
+            wanted = np.nextafter(near[int((1 - COVERED) * len(near))], 0.0)
+            levels[number] = min(wanted, 1 - COVERED)
+    return levels
 
 
 class _Seen(NamedTuple):
@@ -277,18 +279,18 @@ def _group(raters: Ints) -> Ints:
 
 
 def _near(known: tuple[Ints, Floats], group: int) -> Floats:
-    """Return the residuals of a group, ascending, and those of neighbouring groups while there
-    are too few.
+    """Return the values of a group, ascending, and those of neighbouring groups while there are too
+    few.
     """
-    groups, residuals = known
+    groups, values = known
     for far in range(len(RATERS)):
-        some = residuals[np.abs(groups - group) <= far]
+        some = values[np.abs(groups - group) <= far]
         if len(some) >= FEWEST:
             break
     return np.sort(some)
 
 
-def _ends(residuals: Floats, level: float) -> tuple[float, float]:
+def _ends(residuals: Floats, level: Any) -> tuple[float, float]:
     """Return the ends of the interval that leaves out this share of residuals; -1 and 1 if they are
     too few.
     """

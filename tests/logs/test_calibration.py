@@ -84,7 +84,7 @@ def test_cuts_are_where_rounds_end() -> None:
 
 
 def test_a_calibration_is_that_of_a_slow_copy() -> None:
-    """Its forecasts, and the level at which intervals cover 95% of later means."""
+    """And its intervals, of the levels at which they cover 95% of later means."""
     log = community(3, 3_000)
     taken = [300 * n for n in range(1, 10)]
     rng = np.random.default_rng(0)
@@ -111,24 +111,35 @@ def test_a_calibration_is_that_of_a_slow_copy() -> None:
                 rows.append((group, float(after.mean()) - trust))
         return rows
 
-    p, covered, level = list[float](), list[bool](), 0.05
+    def nearest(known: list[tuple[int, float]], group: int) -> list[float]:
+        near: list[float] = []
+        for far in range(len(RATERS)):
+            near = [r for g, r in known if abs(g - group) <= far]
+            if len(near) >= 100:
+                break
+        return near
+
+    def level(p: list[tuple[int, float]], group: int) -> float:
+        near = sorted(nearest(p, group))
+        return min(0.05, np.nextafter(near[int((1 - 0.95) * len(near))], 0)) if near else 0.05
+
+    p, covered = list[tuple[int, float]](), list[bool]()
     for at in range(4, 9):
         new = []
         known = [row for j in range(at) for row in residuals(j, taken[at])]
         for group, residual in residuals(at, 3_000):
-            near: list[float] = []
-            for far in range(len(RATERS)):
-                near = [r for g, r in known if abs(g - group) <= far]
-                if len(near) >= 100:
-                    break
+            near = nearest(known, group)
             out = min(sum(r <= residual for r in near), sum(r >= residual for r in near))
-            new.append(min(2 * (out + 1) / (len(near) + 1), 1.0))
-        covered += [one > level for one in new]
+            new.append((group, min(2 * (out + 1) / (len(near) + 1), 1.0)))
+        covered += [one > level(p, group) for group, one in new]
         p += new
-        level = min(0.05, np.nextafter(sorted(p)[int((1 - 0.95) * len(p))], 0))
-    assert found.level == pytest.approx(level)
     assert found.coverage == pytest.approx(np.mean(covered))
     assert found.weight in (0.0, 3.0)
+    rows = [row for j in range(9) for row in residuals(j, 3_000)]
+    for number, one in enumerate(found.groups):
+        near = sorted(nearest(rows, number))
+        out = int(level(p, number) / 2 * (len(near) + 1))
+        assert (one.low, one.high) == pytest.approx((near[out - 1], near[-out]))
 
 
 @given(
