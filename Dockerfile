@@ -2,7 +2,7 @@
 FROM python:3.11-slim AS manager
 WORKDIR /roletrust
 COPY . .
-RUN pip install --no-cache-dir --constraint constraints.txt '.[serve]'
+RUN pip install --no-cache-dir --constraint constraints.txt '.[manager]'
 USER nobody
 ENTRYPOINT ["roletrust", "serve"]
 

@@ -38,7 +38,7 @@ test-slow: setup
 
 # The examples in docstrings. What the extra `ray` alone has is no place for them.
 test-doctests: setup
-	$(BIN)/pytest -n 2 --doctest-modules --ignore=roletrust_env/benchmarking/cluster.py --ignore=roletrust_env/live/roletrust_nodes \
+	$(BIN)/pytest -n 2 --doctest-modules --ignore=roletrust_env/benchmarking/cluster.py --ignore=experiments/roletrust_manager/dds/roletrust_nodes --ignore=roletrust_env/live.py --ignore=roletrust_env/service.py \
 		roletrust_env agents baselines experiments docs/_ext
 
 # Eight times the random examples of `make test`.
@@ -60,15 +60,15 @@ test-extras: setup
 
 # Teams of processes on DDS, two at a time. They run in real time, so a test that a busy machine failed is repeated.
 test-live: setup
-	$(BIN)/pytest --reruns 2 -n 2 --dist loadfile -m live tests/live
+	$(BIN)/pytest --reruns 2 -n 2 --dist loadfile -m live tests/manager/dds
 
 # Minutes of a team: the longer of the demos, and strangers around it; the numbers are printed.
 test-soak: setup
-	$(BIN)/pytest --reruns 2 -s -m soak tests/live
+	$(BIN)/pytest --reruns 2 -s -m soak tests/manager/dds
 
 # A peer of ROS 2 in an environment of its own, which is made first.
 test-ros2: setup
-	$(BIN)/pytest --reruns 2 -n 2 --dist loadfile -m ros2 tests/live
+	$(BIN)/pytest --reruns 2 -n 2 --dist loadfile -m ros2 tests/manager/dds
 
 # Other libraries, each in an environment of its own: minutes, and gigabytes that go again.
 test-clients: setup

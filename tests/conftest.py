@@ -91,7 +91,7 @@ def browser():
 def _own_clock(monkeypatch):
     """Let no test see a clock of the nodes that another test has moved, since it never goes
     back."""
-    monkeypatch.setattr("roletrust_env.live.clock._last", (0, 0))
+    monkeypatch.setattr("roletrust_manager.admission.clock._last", (0, 0))
 
 
 @pytest.fixture

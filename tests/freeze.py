@@ -81,10 +81,10 @@ def zoo_scores(name: str) -> Any:
 def journal(model: Any, path: Path, rounds: Any, teams: list[Any]) -> list[Any]:
     """The bytes of a manager's journal, and the trust after its replay. `rounds` has one entry for
     each of `teams`."""
-    from roletrust_env.live.journal import Journal, JournalEntry, read_journal
-    from roletrust_env.live.team import Team
-    from roletrust_env.live.team_run import TeamRun, grows
-    from roletrust_env.live.team_trust import replay_rounds
+    from roletrust_manager.dds.team_run import TeamRun, grows
+    from roletrust_manager.dds.team_trust import replay_rounds
+    from roletrust_manager.journal.lines import Journal, JournalEntry, read_journal
+    from roletrust_manager.team import Team
 
     growing = grows(model)
     team_run = TeamRun(model, Team(*teams[0 if growing else -1]))

@@ -15,11 +15,11 @@ from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import load_attacker
 from roletrust_env import TrustStream, make_trust_model
 from roletrust_env.benchmarking.store import ResultStore as Results
-from roletrust_env.live.journal import read_journal
-from roletrust_env.live.team_trust import replay_rounds
-from roletrust_env.service.manager import TrustManager
-from roletrust_env.service.requests import Settings
-from roletrust_env.service.store import JournalStore
+from roletrust_manager.dds.team_trust import replay_rounds
+from roletrust_manager.http.manager import TrustManager
+from roletrust_manager.http.requests import Settings
+from roletrust_manager.journal.lines import read_journal
+from roletrust_manager.journal.sql import JournalStore
 
 FILES = Path(__file__).parent / "files" / "f785aa31"
 

@@ -1,5 +1,6 @@
 """Importing the library is quick and brings no heavy package along."""
 
+import importlib
 import subprocess
 import sys
 
@@ -30,7 +31,7 @@ LIVE = {"cyclonedds", "rosbags", "cryptography"}
         ),
         ("import roletrust_agents, roletrust_baselines", set()),
         (
-            "import roletrust_env.live.nodes.manager_node, "
+            "import roletrust_manager.dds.nodes.manager_node, "
             "roletrust_experiments.commands.live.nodes",
             {"rich", "typer", *LIVE},
         ),
@@ -173,3 +174,9 @@ for name in ("AttackVecEnv", "RoleVecEnv", "AttackJaxEnv", "RoleTrustJaxEnv", "b
         "AttackVecEnv needs stable_baselines3, which is not installed: pip install "
         "'roletrust-env[train]'" in done.stdout
     )
+
+
+@pytest.mark.parametrize("former", ["live.wire.keys", "service.client"])
+def test_the_former_places_of_the_manager_name_the_new_one(former):
+    with pytest.raises(ImportError, match="roletrust_manager"):
+        importlib.import_module(f"roletrust_env.{former}")

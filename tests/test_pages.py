@@ -12,7 +12,7 @@ from pages import HOUSE, TUTORIALS, WRITTEN, anchors, blocks, cells, commands, p
 pytestmark = pytest.mark.slow
 
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
-_ELSEWHERE = ("manager",)  # tests/service/test_delegation.py runs its Python, beside a manager
+_ELSEWHERE = ("manager",)  # tests/manager/http/test_delegation.py runs its Python, beside a manager
 PYTHON = [page for page in WRITTEN if blocks(page, "python") and page.stem not in _ELSEWHERE]
 
 

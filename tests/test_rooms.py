@@ -29,6 +29,7 @@ FOLDERS = {  # by the name of the package
     "roletrust_agents": HOUSE / "agents" / "roletrust_agents",
     "roletrust_baselines": HOUSE / "baselines" / "roletrust_baselines",
     "roletrust_experiments": HOUSE / "experiments" / "roletrust_experiments",
+    "roletrust_manager": HOUSE / "experiments" / "roletrust_manager",
     "studies": HOUSE / "experiments" / "studies",
 }
 PAGE = (HOUSE / "docs/how/structure.md").read_text(encoding="utf-8")

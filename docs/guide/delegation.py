@@ -19,7 +19,7 @@ from mcp.client import Client
 from mcp.client.stdio import StdioServerParameters
 from mcp.server import MCPServer
 
-from roletrust_env.service.client import TrustClient
+from roletrust_manager.http.client import TrustClient
 
 WORKERS = {"bob": 1.0, "eve": 0.3}
 """Probability that a worker is right, by its name."""

@@ -11,7 +11,7 @@ HOUSE = Path(__file__).parents[2]
 PINNED = HOUSE / "constraints.txt"
 PACKAGES = (
     *("roletrust_env", "agents/roletrust_agents", "baselines/roletrust_baselines"),
-    "experiments/roletrust_experiments",
+    *("experiments/roletrust_experiments", "experiments/roletrust_manager"),
 )
 COMMANDS = (
     "audit",

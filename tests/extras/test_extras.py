@@ -81,9 +81,9 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
         ("train", ["play", "--attack", f"sp_2=learned:path={ZOO}"]),
         ("vision", ["play", "paper-3x3-hog"]),
         ("vision", ["figures"]),
-        ("live", ["live", "keys", "keys"]),
-        ("mcp", ["mcp", "http://127.0.0.1:9", "--name", "ann", "--keys", "keys"]),
-        ("serve", ["serve", "mean", "--store", "trust.sqlite"]),
+        ("robots", ["live", "keys", "keys"]),
+        ("manager", ["mcp", "http://127.0.0.1:9", "--name", "ann", "--keys", "keys"]),
+        ("manager", ["serve", "mean", "--store", "trust.sqlite"]),
         ("train", ["benchmark", "mean", "--dry-run"]),
         ("train", ["report", "results.sqlite"]),
     ):
@@ -104,25 +104,26 @@ def test_mcp(fresh: Callable[..., Environment]) -> None:
 import asyncio
 from pathlib import Path
 from mcp.client import Client
-from roletrust_env.service.client import TrustClient
-from roletrust_env.service.tools import make_tools
+from roletrust_manager.http.client import TrustClient
+from roletrust_manager.http.tools import make_tools
 async def tools():
     async with Client(make_tools(TrustClient("http://127.0.0.1:9", "ann", Path("keys")))) as client:
         print(*(tool.name for tool in (await client.list_tools()).tools))
 asyncio.run(tools())
 """
-    assert fresh("mcp").python(listed) == "register ask rate list_agents leave\n"
+    assert fresh("manager").python(listed) == "register ask rate list_agents leave\n"
 
 
 def test_serve(fresh: Callable[..., Environment]) -> None:
     described = """
-from roletrust_env.service.http import make_app
-from roletrust_env.service.manager import TrustManager
-from roletrust_env.service.store import JournalStore
+from roletrust_manager.http.endpoints import make_app
+from roletrust_manager.http.manager import TrustManager
+from roletrust_manager.journal.sql import JournalStore
 print(*make_app(TrustManager(JournalStore("trust.sqlite"), "mean")).openapi()["paths"])
 """
     assert (
-        fresh("serve").python(described) == "/ /agents /agents/{name} /ratings /events /refusals\n"
+        fresh("manager").python(described)
+        == "/ /agents /agents/{name} /ratings /events /refusals\n"
     )
 
 
@@ -274,12 +275,12 @@ print(set(frame["missing"]))
 
 
 def test_live(fresh: Callable[..., Environment]) -> None:
-    live = fresh("live")
+    live = fresh("robots")
     assert "Made in keys: manager, sr_0, sr_1, sr_2, sp_0" in live.roletrust("live", "keys", "keys")
     heard = """
 import time
-from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.dds import Node
+from roletrust_manager.dds.wire import messages
+from roletrust_manager.dds.wire.dds import Node
 one, other = Node("one"), Node("other")
 writer, reader = one.writer("/trust", messages.TRUST), other.reader("/trust", messages.TRUST)
 while not (writer.readers and reader.writers):

@@ -42,11 +42,11 @@ print(games.step(games.action_space.sample())[1].shape)
 SERVED = """
 import threading, time, uvicorn
 from pathlib import Path
-from roletrust_env.service.client import TrustClient
-from roletrust_env.service.http import make_app
-from roletrust_env.service.manager import TrustManager
-from roletrust_env.service.requests import Settings
-from roletrust_env.service.store import JournalStore
+from roletrust_manager.http.client import TrustClient
+from roletrust_manager.http.endpoints import make_app
+from roletrust_manager.http.manager import TrustManager
+from roletrust_manager.http.requests import Settings
+from roletrust_manager.journal.sql import JournalStore
 app = make_app(TrustManager(JournalStore("trust.sqlite"), "role-trust", Settings(work=4)))
 server = uvicorn.Server(uvicorn.Config(app, port=0, log_level="error"))
 threading.Thread(target=server.run, daemon=True).start()
@@ -118,7 +118,7 @@ def test_the_newest_releases(
     torch.write_text(TORCH, encoding="utf-8")
     first = version == PYTHONS[0]
     environment = fresh(
-        EVERYTHING if first else "video,data,live,serve,mcp", torch, interpreter(version)
+        EVERYTHING if first else "video,data,robots,manager", torch, interpreter(version)
     )
     check(environment)
     if first:

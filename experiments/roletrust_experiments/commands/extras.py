@@ -21,4 +21,4 @@ def require(what: str, extra: str, *modules: str) -> None:
 
 def require_live() -> None:
     """Check before the work that the packages of live nodes are installed."""
-    require("roletrust live", "live", "cyclonedds", "rosbags", "cryptography", "cv2")
+    require("roletrust live", "robots", "cyclonedds", "rosbags", "cryptography", "cv2")

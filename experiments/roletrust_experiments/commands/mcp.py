@@ -34,9 +34,9 @@ def mcp(
 
     [cyan]roletrust mcp http://127.0.0.1:8000 --name ann --keys keys[/]
     """
-    require("roletrust mcp", "mcp", "cryptography", "httpx2", "jwt", "mcp")
-    from roletrust_env.service.client import TrustClient
-    from roletrust_env.service.tools import make_tools
+    require("roletrust mcp", "manager", "cryptography", "httpx2", "jwt", "mcp")
+    from roletrust_manager.http.client import TrustClient
+    from roletrust_manager.http.tools import make_tools
 
     with TrustClient(url, name, keys, patience_s=patience) as client:
         make_tools(client).run()

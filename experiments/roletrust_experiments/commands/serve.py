@@ -139,7 +139,7 @@ def _manage(
     """Be a trust manager, until a signal ends it."""
     require(
         "roletrust serve --store",
-        "serve",
+        "manager",
         "fastapi",
         "uvicorn",
         "sqlalchemy",
@@ -149,12 +149,12 @@ def _manage(
     )
     import uvicorn
 
-    from roletrust_env.live.validation import RefusalReason
-    from roletrust_env.service.connections import limited_protocol
-    from roletrust_env.service.http import make_app
-    from roletrust_env.service.manager import TrustManager
-    from roletrust_env.service.requests import Settings
-    from roletrust_env.service.store import JournalStore
+    from roletrust_manager.admission.validation import RefusalReason
+    from roletrust_manager.http.connections import limited_protocol
+    from roletrust_manager.http.endpoints import make_app
+    from roletrust_manager.http.manager import TrustManager
+    from roletrust_manager.http.requests import Settings
+    from roletrust_manager.journal.sql import JournalStore
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     journal = JournalStore(store, name)

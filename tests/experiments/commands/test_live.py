@@ -12,15 +12,15 @@ from command_line import printed, run
 from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 from refusals import assert_names, refuses
 
-from roletrust_env.live import clock
-from roletrust_env.live.journal import read_journal
-from roletrust_env.live.nodes.run_loop import Timeline
-from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 from roletrust_experiments.commands.console import progress_bar
 from roletrust_experiments.commands.live import demo, pace
 from roletrust_experiments.commands.live.demo import _latencies_ms, curves_from_rounds
 from roletrust_experiments.commands.live.processes import NodeProcesses, _Process
+from roletrust_manager.admission import clock
+from roletrust_manager.dds.nodes.run_loop import Timeline
+from roletrust_manager.dds.wire import messages
+from roletrust_manager.dds.wire.recording import RecordedMessage, Recorder
+from roletrust_manager.journal.lines import read_journal
 
 
 def test_keys_are_made_once(tmp_path):

@@ -10,14 +10,14 @@ from refusals import assert_names
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import make_scenario
-from roletrust_env.live.nodes.manager_node import replay_recording
-from roletrust_env.live.validation import MANAGER
-from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.keys import Signer, make_keys
-from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 from roletrust_env.storage.scenario_files import write_scenario
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments import commands
+from roletrust_manager.admission.keys import Signer, make_keys
+from roletrust_manager.admission.validation import MANAGER
+from roletrust_manager.dds.nodes.manager_node import replay_recording
+from roletrust_manager.dds.wire import messages
+from roletrust_manager.dds.wire.recording import RecordedMessage, Recorder
 
 
 @pytest.fixture(scope="module")

@@ -22,9 +22,6 @@ from rich.progress import Progress
 from roletrust_env import Game, JointPolicy, Scenario, make_scenario
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.interrupts import without_interrupts
-from roletrust_env.live import clock
-from roletrust_env.live.journal import JournalEntry, read_journal
-from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe, describe_policies
 from roletrust_env.trust import TrustModel, make_trust_model
@@ -36,7 +33,10 @@ from roletrust_experiments.commands.live.processes import NodeProcesses
 from roletrust_experiments.commands.live.view import address, require_view
 from roletrust_experiments.paper.figures import Attack, Paper, papers
 from roletrust_experiments.playing.games import track_curves
-from roletrust_experiments.view.waiting import WaitingPage
+from roletrust_manager.admission import clock
+from roletrust_manager.journal.lines import JournalEntry, read_journal
+from roletrust_manager.page.waiting import WaitingPage
+from roletrust_manager.team import PublishedTrust, Team
 
 _NICENESS = 19  # the simulation gives way to the robots
 _PAPER = make_scenario("paper-3x3-hog")
@@ -335,13 +335,13 @@ def _run_team(
     Raises:
         ValueError: A process has failed, or most of the last rounds lack a rater.
     """
-    from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
-    from roletrust_env.live.nodes.manager_node import run_manager_node
-    from roletrust_env.live.nodes.recorder_node import run_recorder_node
-    from roletrust_env.live.nodes.run_loop import SECOND, Timeline
-    from roletrust_env.live.validation import MANAGER
-    from roletrust_env.live.wire.keys import make_keys
     from roletrust_experiments.commands.live.pace import WINDOW, incomplete, work_s
+    from roletrust_manager.admission.keys import make_keys
+    from roletrust_manager.admission.validation import MANAGER
+    from roletrust_manager.dds.nodes.agent_nodes import run_camera_node, run_rater_node
+    from roletrust_manager.dds.nodes.manager_node import run_manager_node
+    from roletrust_manager.dds.nodes.recorder_node import run_recorder_node
+    from roletrust_manager.dds.nodes.run_loop import SECOND, Timeline
 
     scenario, policies, period = plan.scenario, plan.paper.policies, plan.period
     team, journal, keys = (
@@ -374,7 +374,7 @@ def _run_team(
             nodes.start(name, run_camera_node, name=name, policy=policies.get(name), **shared)
         started = time.monotonic()
         if page is not None:
-            from roletrust_experiments.view.page import run_view_server
+            from roletrust_manager.page.page import run_view_server
 
             page.text = "Starting the nodes."
             here, far_end = multiprocessing.Pipe()

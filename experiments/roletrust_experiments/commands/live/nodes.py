@@ -10,7 +10,6 @@ from roletrust_env import Game, JointPolicy, Policy, make_scenario
 from roletrust_env import Scenario as Rules
 from roletrust_env.evaluation.specs import parse_attacks, parse_trust_model
 from roletrust_env.game.policy import Channel
-from roletrust_env.live.team import Team
 from roletrust_env.storage.files import replacing
 from roletrust_env.storage.scenario_files import printable_name
 from roletrust_env.trust import TrustModel
@@ -18,6 +17,7 @@ from roletrust_experiments.commands.console import errors, progress_bar, stage, 
 from roletrust_experiments.commands.extras import require_live
 from roletrust_experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns
 from roletrust_experiments.commands.options import NAMED
+from roletrust_manager.team import Team
 
 _PAPER = "paper-3x3"
 _UNSUPPORTED = {
@@ -113,8 +113,8 @@ def agent(
     [cyan]roletrust live agent sr_2 --attack learned:path=universal-raters[/]
     """
     require_live()
-    from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
-    from roletrust_env.live.nodes.run_loop import Timeline
+    from roletrust_manager.dds.nodes.agent_nodes import run_camera_node, run_rater_node
+    from roletrust_manager.dds.nodes.run_loop import Timeline
 
     rules = make_scenario(scenario)
     period, played = period_ns(rules.period_s, speed), _role(Team.of(rules), name, role)
@@ -181,7 +181,7 @@ def manager(
     [cyan]roletrust live manager results/travos.jsonl --model travos --recording results/bag[/]
     """
     require_live()
-    from roletrust_env.live.nodes.manager_node import run_manager_node
+    from roletrust_manager.dds.nodes.manager_node import run_manager_node
 
     rules = make_scenario(scenario)
     model, period, team = (
@@ -207,11 +207,11 @@ def _replay(
     keys: Path | None,
 ) -> None:
     """Play a recording through a manager, and print what came of it."""
-    from roletrust_env.live.manager import Manager
-    from roletrust_env.live.nodes.manager_node import replay_recording
-    from roletrust_env.live.rounds import RoundTiming
-    from roletrust_env.live.wire.keys import PublicKeys
-    from roletrust_env.live.wire.recording import read_recording
+    from roletrust_manager.admission.keys import PublicKeys
+    from roletrust_manager.dds.manager import Manager
+    from roletrust_manager.dds.nodes.manager_node import replay_recording
+    from roletrust_manager.dds.rounds import RoundTiming
+    from roletrust_manager.dds.wire.recording import read_recording
 
     if journal.exists():
         raise ValueError(f"{journal} exists already; a recording needs a new journal")
@@ -256,8 +256,8 @@ def keys(
     [cyan]roletrust live keys keys manager sr_0 sr_1 sp_0[/]
     """
     require_live()
-    from roletrust_env.live.validation import MANAGER
-    from roletrust_env.live.wire.keys import make_keys
+    from roletrust_manager.admission.keys import make_keys
+    from roletrust_manager.admission.validation import MANAGER
 
     team = Team.of(make_scenario(_PAPER))
     names = names or [MANAGER, *team.raters, *team.providers]

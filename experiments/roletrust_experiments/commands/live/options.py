@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from roletrust_env.live.nodes.run_loop import SECOND
+from roletrust_manager.dds.nodes.run_loop import SECOND
 
 Scenario = Annotated[
     str,

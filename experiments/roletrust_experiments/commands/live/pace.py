@@ -9,10 +9,10 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 
-from roletrust_env.live.journal import JournalEntry
-from roletrust_env.live.nodes.run_loop import Timeline
 from roletrust_env.world.vision.detector import best_margin, detector_view
 from roletrust_env.world.vision.frames import open_frames
+from roletrust_manager.dds.nodes.run_loop import Timeline
+from roletrust_manager.journal.lines import JournalEntry
 
 WINDOW = 20
 """Number of the last rounds that show whether rounds keep up."""

@@ -8,11 +8,12 @@ from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Self
 
 from roletrust_env.interrupts import without_interrupts
-from roletrust_env.live import clock
-from roletrust_env.live.nodes.run_loop import run_with_parent
+from roletrust_manager.admission import clock
+from roletrust_manager.dds.nodes.run_loop import run_with_parent
 
 _NODES = [
-    f"roletrust_env.live.nodes.{name}" for name in ("agent_nodes", "manager_node", "recorder_node")
+    f"roletrust_manager.dds.nodes.{name}"
+    for name in ("agent_nodes", "manager_node", "recorder_node")
 ]
 _READY_S = 120.0  # time for a process to start, even on a busy machine
 _STOP_S = 20.0  # time for a process to end, even on a busy machine

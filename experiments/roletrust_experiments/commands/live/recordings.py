@@ -50,11 +50,11 @@ def record(
     """
     require_live()
     if recover is not None:
-        from roletrust_env.live.wire.recording import recover_recording
+        from roletrust_manager.dds.wire.recording import recover_recording
 
         count, done = recover_recording(recover, folder), "Recovered"
     else:
-        from roletrust_env.live.nodes.recorder_node import run_recorder_node
+        from roletrust_manager.dds.nodes.recorder_node import run_recorder_node
 
         count, done = run_recorder_node(folder, images=images, network=network), "Recorded"
     tell(f"{done} {count} messages in {folder}")
@@ -90,9 +90,9 @@ def scenario(
     [cyan]roletrust live scenario ratings.csv --every 60 --out agents.toml[/]
     """
     require_live()
-    from roletrust_env.live.recorded_team import infer_scenario, observe_team
-    from roletrust_env.live.wire.keys import PublicKeys
-    from roletrust_env.live.wire.recording import read_recording
+    from roletrust_manager.admission.keys import PublicKeys
+    from roletrust_manager.dds.recorded_team import infer_scenario, observe_team
+    from roletrust_manager.dds.wire.recording import read_recording
 
     if out.suffix != ".toml":
         raise ValueError(f"{out}: the name of the scenario must end in .toml")
@@ -103,7 +103,7 @@ def scenario(
         if recording.is_file():
             require("roletrust live scenario of a log", "data", "pyarrow")
             from roletrust_env.logs.log import read
-            from roletrust_env.service.log_team import observe_log
+            from roletrust_manager.dds.log_team import observe_log
 
             log = read(recording, scale=scale, same_agents=True)
             for note in log.notes:

@@ -49,21 +49,21 @@ def view(
     """
     require_view()
     if url is not None:
-        require("roletrust live view --url", "mcp", "httpx2", "jwt")
+        require("roletrust live view --url", "manager", "httpx2", "jwt")
     elif keys is None:
         tell(
             "view: WITHOUT KEYS: everybody on this network can forge what the page shows",
             where=errors,
         )
     rules = make_scenario(scenario)
-    from roletrust_experiments.view.waiting import WaitingPage
+    from roletrust_manager.page.waiting import WaitingPage
 
     with WaitingPage(port) as page:
         tell(f"{address(port)}, until Ctrl-C")
         if browser:
             webbrowser.open(address(port))
-        from roletrust_env.live.team import Team
-        from roletrust_experiments.view.page import run_view_server, serve_until_signal
+        from roletrust_manager.page.page import run_view_server, serve_until_signal
+        from roletrust_manager.team import Team
 
         if url is None:
             settings: Any = {
@@ -74,8 +74,8 @@ def view(
             }
             run_view_server(page.listening, rules.period_s / speed, take=page.leave, **settings)
             return
-        from roletrust_env.service.manager_listener import ManagerListener
-        from roletrust_experiments.view.dashboard import Dashboard
+        from roletrust_manager.http.manager_listener import ManagerListener
+        from roletrust_manager.page.dashboard import Dashboard
 
         page.text = f"Waiting for {url}."
         listener = ManagerListener(url)
@@ -85,7 +85,7 @@ def view(
 def require_view() -> None:
     """Check before the work that the packages of the page are installed."""
     require_live()
-    require("roletrust live view", "live", "bokeh")
+    require("roletrust live view", "robots", "bokeh")
 
 
 def address(port: int) -> str:

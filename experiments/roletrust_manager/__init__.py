@@ -1,0 +1,1 @@
+"""The trust manager as a service: one admission, two journals, and two wires, DDS and HTTP."""

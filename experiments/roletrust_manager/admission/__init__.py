@@ -1,0 +1,1 @@
+"""Who may rate, and which messages count, on every wire."""

@@ -1,0 +1,160 @@
+"""The run loop of a node: the times of the rounds, and the end by a signal or after some rounds."""
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from roletrust_manager.admission import clock
+
+SECOND = 1_000_000_000
+_STOP_S = 5.0
+
+
+class Timeline(NamedTuple):
+    """Start times of the rounds, by the clock of this machine.
+
+    Attributes:
+        start: Start of round 0, nanoseconds since 1970.
+        period: Time between rounds, nanoseconds.
+    """
+
+    start: int
+    period: int
+
+    @classmethod
+    def aligned(cls, period: int) -> "Timeline":
+        """Return a timeline that starts with the next whole period since 1970, so that all nodes
+        agree on it.
+        """
+        return cls((clock.now() // period + 1) * period, period)
+
+    def begin(self, round: int) -> int:
+        """Return the stamp of a round."""
+        return self.start + round * self.period
+
+    def round(self, stamp: int) -> int:
+        """Return the round whose start is nearest to a stamp; negative before the start."""
+        return (stamp - self.start + self.period // 2) // self.period
+
+    def next_round(self, after: int = -1) -> int:
+        """Return the round to play after another one, -1 for none, without those that are over by
+        half a period.
+
+        A process that stood still, or whose clock was set forward, so goes on at once and not round
+        by round.
+        """
+        return max(after + 1, self.round(clock.now()))
+
+
+class RunState:
+    """State of a node: true until SIGTERM, Ctrl-C or a planned end.
+
+    Args:
+        end: Time of the planned end, nanoseconds since 1970; None for none.
+    """
+
+    def __init__(self, end: int | None = None) -> None:
+        self._stopped, self._end = False, end
+
+    def __bool__(self) -> bool:
+        return not (self._stopped or self.is_over)
+
+    @property
+    def is_over(self) -> bool:
+        """True from the planned end on."""
+        return self._end is not None and clock.now() >= self._end
+
+    def stop(self, *_: object) -> None:
+        """Ask the node to end."""
+        self._stopped = True
+
+    def sleep_until(self, moment: int) -> None:
+        """Sleep until a moment, nanoseconds since 1970, or until the node is asked to end."""
+        while self and (remaining := moment - clock.now()) > 0:
+            time.sleep(min(remaining / SECOND, 0.1))
+
+
+def print_line(line: str) -> None:
+    """Print a line for the user, at once."""
+    print(line, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def run_until_signal(end: int | None = None) -> Iterator[RunState]:
+    """Turn SIGTERM and Ctrl-C into a normal end of the node.
+
+    Args:
+        end: See `RunState`.
+
+    Yields:
+        The state, which turns false with the signal.
+    """
+    state = RunState(end)
+    before = {
+        number: signal.signal(number, state.stop) for number in (signal.SIGTERM, signal.SIGINT)
+    }
+    try:
+        yield state
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def run_rounds(
+    name: str, timeline: Timeline, rounds: int | None, report: Callable[[str], object]
+) -> Iterator[RunState]:
+    """Run a node until a signal or for some rounds. It says first when it will end, and last that
+    its rounds are over.
+
+    Args:
+        name: Name of the node.
+        timeline: Start times of the rounds.
+        rounds: Number of rounds until the end; None for no end.
+        report: Function that shows a line to the user.
+
+    Yields:
+        The state.
+
+    Raises:
+        ValueError: The rounds are over.
+    """
+    end = None if rounds is None else timeline.begin(rounds)
+    if end is None:
+        report(f"{name}: runs until Ctrl-C")
+    else:
+        at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(end // SECOND))
+        if clock.now() >= end:
+            raise ValueError(
+                f"{name}: its {rounds} rounds ended at {at}; give it more rounds or a later start"
+            )
+        report(f"{name}: ends after {rounds} rounds, at {at}")
+    with run_until_signal(end) as state:
+        yield state
+    if state.is_over:
+        report(f"{name}: has ended after {rounds} rounds")
+
+
+def run_with_parent(run: Callable[..., object], /, *args: Any, **kwargs: Any) -> None:
+    """Run a function in a process of `multiprocessing` that ends with its parent, even if the
+    parent is killed.
+    """
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    run(*args, **kwargs)
+
+
+def _end_with_parent() -> None:
+    """End this process as SIGTERM does when its parent has ended, or some seconds later if it
+    ignores that.
+    """
+    if (parent := multiprocessing.parent_process()) is not None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(_STOP_S)
+        os._exit(1)

@@ -1,0 +1,146 @@
+"""Requests to a trust manager, their receipts and their refusals, and its settings."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+from roletrust_manager.admission.keys import is_forgeable
+from roletrust_manager.admission.validation import Envelope, RefusalReason
+from roletrust_manager.http.tokens import Claims, Registration, key_as_text, key_of_text
+
+_WHY = {
+    RefusalReason.ELSEWHERE: "the token of {} is not for this place",
+    RefusalReason.UNKNOWN: "{} is not registered here",
+    RefusalReason.FUTURE: "the token of {} was signed in the future",
+    RefusalReason.PAST: "the token of {} was signed too long ago, so sign it anew",
+    RefusalReason.CLOCK: "the clock here has gone back since the last token of {}, so try again later",  # noqa: E501
+    RefusalReason.REPLAYED: "a token of {} that was signed at this time or later has come before, so sign it anew",  # noqa: E501
+    RefusalReason.UNSIGNED: "the token of {} has no signature",
+    RefusalReason.MIS_SIGNED: "the token was not signed with the key of {}",
+    RefusalReason.NO_WORK: "the registration of {} lacks its proof of work",
+    RefusalReason.TAKEN: "the name {} belongs to another key",
+    RefusalReason.CROWDED: "{} comes with too many other newcomers, so try again later",
+    RefusalReason.FLOOD: "{} has rated too often, so try again in the next round",
+    RefusalReason.UNKNOWN_PROVIDER: "{} rates an agent that is not registered here",
+    RefusalReason.ITSELF: "{} rates itself",
+    RefusalReason.DOUBLED: "{} rates an agent twice in a request",
+    RefusalReason.NOT_A_NUMBER: "the rating of {} is no number",
+    RefusalReason.OUT_OF_RANGE: "the rating of {} is off the scale",
+}
+
+
+class Signed(NamedTuple):
+    """A token that has been read.
+
+    Attributes:
+        token: Token as it came.
+        claims: Its claims.
+        envelope: Its origin.
+    """
+
+    token: str
+    claims: Any
+    envelope: Envelope
+
+
+class Settings(NamedTuple):
+    """Settings of a manager.
+
+    Attributes:
+        every: Length of a round, seconds.
+        scale: Worst and best rating.
+        same_agents: Whether the rater and the provider of a name are one agent.
+        work: Zero bits of the proof of work of a newcomer, see `has_work`.
+        quota: Number of ratings that an agent may send in a round.
+        newcomers: Number of agents that may register in a round.
+        tolerance: Largest difference between the time of signing and the clock, seconds.
+    """
+
+    every: float = 60.0
+    scale: tuple[float, float] = (0.0, 1.0)
+    same_agents: bool = True
+    work: int = 16
+    quota: int = 1000
+    newcomers: int = 100
+    tolerance: float = 60.0
+
+
+class Request(NamedTuple):
+    """Tokens of one kind, which count as a whole.
+
+    Attributes:
+        kind: Kind of the claims.
+        tokens: Tokens, at least one.
+        name: Agent that the request is about; None for the one that the tokens name.
+    """
+
+    kind: type[Claims]
+    tokens: Sequence[str]
+    name: str | None = None
+
+
+class Receipt(NamedTuple):
+    """Acknowledgement of a token.
+
+    Attributes:
+        seq: Number of its event in the journal.
+        time: Time of arrival, seconds.
+    """
+
+    seq: int
+    time: float
+
+
+class RefusedError(Exception):
+    """A request that does not count.
+
+    Attributes:
+        reason: Reason.
+        detail: What is wrong, and what would be right, in a sentence.
+        at: Place of the token in the request.
+        sender: Agent that the token names; empty if it names none.
+    """
+
+    def __init__(self, reason: RefusalReason, detail: str, at: int = 0, sender: str = "") -> None:
+        super().__init__(f"{reason}: {detail}")
+        self.reason, self.detail, self.at, self.sender = reason, detail, at, sender
+
+
+class Member(NamedTuple):
+    """A registered agent.
+
+    Attributes:
+        name: Name.
+        identity: Name in the journal: who comes back is another agent there, such as `ann~2`.
+        key: Public key, see `Registration.key`.
+        receipt: Acknowledgement of the registration.
+    """
+
+    name: str
+    identity: str
+    key: str
+    receipt: Receipt
+
+
+def refusal(reason: RefusalReason, claims: Claims, at: int, hint: str) -> RefusedError:
+    """Return the refusal of a token of a request, with a hint what would be right."""
+    return RefusedError(reason, f"{_WHY[reason].format(claims.iss)}; {hint}", at, claims.iss)
+
+
+def registered_key(claims: Registration) -> Ed25519PublicKey:
+    """Return the key of a registration.
+
+    Raises:
+        RefusedError: Anybody could sign with it, or it is written in another way than `key_as_text`
+            does.
+    """
+    key = key_of_text(claims.key)
+    if is_forgeable(key) or key_as_text(key) != claims.key:
+        raise RefusedError(
+            RefusalReason.GARBAGE,
+            "the key is of small order, or not as RFC 8037 has it",
+            0,
+            claims.iss,
+        )
+    return key

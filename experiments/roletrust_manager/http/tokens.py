@@ -1,0 +1,168 @@
+"""Tokens of agents: registrations, ratings and farewells as signed JSON Web Tokens (RFC 7519), and
+the proof of work.
+
+Both sides use it. Agents in other languages need a library for such tokens with EdDSA (RFC 8037),
+and SHA-256.
+"""
+
+import base64
+from hashlib import sha256
+from typing import Annotated, Any, Literal, TypeVar
+
+import jwt
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from roletrust_env.errors import validation_message
+from roletrust_manager.admission.keys import NAME
+from roletrust_manager.admission.validation import Envelope
+
+MAX_TOKEN = 4096
+"""Number of characters that a token may have."""
+
+_ALGORITHM = "EdDSA"
+_reader = jwt.PyJWS()
+
+Name = Annotated[str, Field(pattern=f"^{NAME}$", examples=["ann"])]
+"""Name of an agent or of a manager: up to 200 letters, digits and `_.-@:+`, the first a letter or
+`_`."""
+
+
+class Claims(BaseModel):
+    """Claims of a token, shared by all kinds. Further claims are allowed, and stand in the journal
+    with the token.
+
+    Attributes:
+        kind: Kind of the token, so that none can be sent as another.
+        iss: Name of the agent that signs it.
+        aud: Name of the manager that it is for.
+        iat: Time of signing, seconds since 1970, to the microsecond. It increases from token to
+            token of an agent.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True)
+
+    kind: str
+    iss: Name
+    aud: Name
+    iat: Annotated[float, Field(gt=0, lt=1e10, allow_inf_nan=False)]
+
+    @property
+    def stamp(self) -> int:
+        """Time of signing, nanoseconds since 1970."""
+        return round(self.iat * 1e6) * 1000
+
+
+class Registration(Claims):
+    """Claims of an agent that registers.
+
+    Attributes:
+        key: Public key of the agent, 32 bytes in base64url without padding, as `x` of a JSON Web
+            Key (RFC 8037).
+        work: Nonce that proves the work, see `has_work`.
+    """
+
+    kind: Literal["register"] = "register"
+    key: Annotated[str, Field(pattern="^[-_A-Za-z0-9]{43}$")]
+    work: Annotated[int, Field(ge=0, lt=2**63)] = 0
+
+
+class Rating(Claims):
+    """Claims of a rating.
+
+    Attributes:
+        sub: Name of the provider.
+        rating: Rating, on the scale of the manager.
+    """
+
+    kind: Literal["rating"] = "rating"
+    sub: Name
+    rating: Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Leave(Claims):
+    """Claims of an agent that leaves."""
+
+    kind: Literal["leave"] = "leave"
+
+
+AnyClaims = TypeVar("AnyClaims", bound=Claims)
+
+
+def sign_token(claims: Claims, key: Ed25519PrivateKey) -> str:
+    """Return the token of some claims, signed by the private key of their agent."""
+    token: str = jwt.encode(claims.model_dump(), key, algorithm=_ALGORITHM)
+    return token
+
+
+def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
+    """Return the claims of a token of some kind, and its origin, which a `MessageValidator` has yet
+    to verify.
+
+    Raises:
+        ValueError: It is no such token, or its claims are not those of the kind.
+    """
+    if len(token) > MAX_TOKEN:
+        raise ValueError(f"a token has up to {MAX_TOKEN:,} characters, this one has {len(token):,}")
+    try:
+        parts: dict[str, Any] = _reader.decode_complete(token, options={"verify_signature": False})
+        if parts["header"].get("alg") != _ALGORITHM:
+            raise ValueError(f"the algorithm of a token is {_ALGORITHM}")
+        claims = kind.model_validate_json(parts["payload"])
+    except ValidationError as error:
+        raise ValueError(
+            f"the token has other claims than a {kind.__name__.lower()}: "
+            f"{validation_message(error)}"
+        ) from None
+    except jwt.InvalidTokenError as error:
+        raise ValueError(f"there is no signed JSON Web Token: {error}") from None
+    signed = token.rpartition(".")[0].encode()
+    return claims, Envelope(claims.iss, claims.stamp, signed, parts["signature"])
+
+
+def key_as_text(key: Ed25519PublicKey) -> str:
+    """Return a public key as the text of `Registration.key`."""
+    return base64.urlsafe_b64encode(key.public_bytes_raw()).decode().rstrip("=")
+
+
+def key_of_text(text: str) -> Ed25519PublicKey:
+    """Return the public key of `Registration.key`.
+
+    Raises:
+        ValueError: It is not the text of 32 bytes.
+    """
+    return Ed25519PublicKey.from_public_bytes(base64.urlsafe_b64decode(f"{text}="))
+
+
+def has_work(claims: Registration, bits: int) -> bool:
+    """Return whether a registration proves the work that a manager asks for.
+
+    The SHA-256 of `aud`, `iss`, `key`, `iat` in whole microseconds, and `work`, joined by newlines,
+    begins with `bits` zeros. `iat` makes each return of an agent cost as much as its first
+    registration, and lets work expire (Back, "Hashcash: A Denial of Service Counter-Measure",
+    2002). Who knows when it will register can work ahead.
+
+    Args:
+        claims: Claims of the registration.
+        bits: Number of zero bits, 0 for no work.
+    """
+    return _proves(_puzzle(claims) + str(claims.work).encode(), bits)
+
+
+def with_work(claims: Registration, bits: int) -> Registration:
+    """Return a registration with the nonce that proves the work; it takes about 2^bits hashes, a
+    second for 20.
+    """
+    puzzle, nonce = _puzzle(claims), 0
+    while not _proves(puzzle + str(nonce).encode(), bits):
+        nonce += 1
+    return claims.model_copy(update={"work": nonce})
+
+
+def _puzzle(claims: Registration) -> bytes:
+    """Return the bytes before the nonce."""
+    return f"{claims.aud}\n{claims.iss}\n{claims.key}\n{claims.stamp // 1000}\n".encode()
+
+
+def _proves(text: bytes, bits: int) -> bool:
+    return int.from_bytes(sha256(text).digest()) >> (256 - bits) == 0

@@ -1,0 +1,153 @@
+"""The trust manager on HTTP: each endpoint, each status, and what is described."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import jwt
+import pytest
+from fastapi.testclient import TestClient
+from signing_agents import NAME, Agent, Clock, managed
+
+from roletrust_env.trust import make_trust_model
+from roletrust_env.trust.service import TrustService
+from roletrust_manager.http.endpoints import make_app
+from roletrust_manager.journal.sql import JournalStore, StoreError
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def client(tmp_path: Path, clock: Clock) -> Iterator[TestClient]:
+    with managed(tmp_path / "s", clock) as manager:
+        app = make_app(manager, TrustService(make_trust_model("mean")))
+        with TestClient(app) as client:
+            yield client
+
+
+def registered(client: TestClient, clock: Clock, *names: str) -> list[Agent]:
+    agents = [Agent(name, clock) for name in names]
+    for agent in agents:
+        assert client.post("/agents", json={"token": agent.registration()}).status_code == 201
+    return agents
+
+
+def test_agents_register_rate_ask_and_leave(client: TestClient, clock: Clock):
+    ann, bob, cec = registered(client, clock, "ann", "bob", "cec")
+    receipts = client.post(
+        "/ratings", json={"tokens": [ann.rating("bob", 0.9), cec.rating("bob", 0.7)]}
+    ).json()
+    assert [one["seq"] for one in receipts["receipts"]] == [4, 5]
+    assert client.get("/agents/bob").json()["provider"]["rank"] is None
+    clock.now += 61
+    client.post("/ratings", json={"tokens": [ann.rating("cec", 0.1)]})
+    about, agent = client.get("/").json(), client.get("/agents/bob?explain=true").json()
+    assert (about["ratings"], about["counted"], about["rounds"], about["agents"]) == (3, 2, 1, 3)
+    assert agent["provider"]["rank"] == agent["provider"]["of"] == 1
+    assert agent["provider"]["ratings"] == agent["provider"]["agents"] == 2
+    reasons = agent["explanation"]["provider"]["reasons"]
+    assert {one["agent"]: one["ratings"] for one in reasons} == {"ann": [0.9], "cec": [0.7]}
+    listed = client.get("/agents?limit=2").json()
+    assert [one["name"] for one in listed["agents"]] == ["bob", "ann"]
+    assert listed["total"] == 3
+    lines = client.get("/ratings").text.splitlines()
+    assert lines[0] == "rater,ratee,rating,time,token"
+    assert [line.split(",")[:3] for line in lines[1:]] == [
+        ["ann", "bob", "0.9"],
+        ["cec", "bob", "0.7"],
+        ["ann", "cec", "0.1"],
+    ]
+    assert client.get("/ratings?counted=true").text.splitlines() == lines[:3]
+    key = jwt.PyJWK({"kty": "OKP", "crv": "Ed25519", "x": client.get("/agents/ann").json()["key"]})
+    claims = jwt.decode(
+        lines[1].split(",")[4], key, audience=NAME, options={"verify_iat": False}
+    )  # whoever reads, checks
+    assert (claims["iss"], claims["sub"], claims["rating"]) == ("ann", "bob", 0.9)
+    assert (
+        client.request("DELETE", "/agents/bob", json={"token": bob.farewell()}).status_code == 200
+    )
+    assert client.get("/agents/bob").status_code == 404
+
+
+def test_errors_have_one_form_and_are_counted(
+    client: TestClient,
+    clock: Clock,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+):
+    ann, _ = registered(client, clock, "ann", "bob")
+    wrong = Agent("ann", clock, seed=1)
+    first = ann.rating("bob", 1)
+    client.post("/ratings", json={"tokens": [first]})
+    client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]})
+    clock.now += 1
+    for status, reason, make in (
+        (401, "mis-signed", lambda: [wrong.rating("bob", 0)]),
+        (403, "unknown sender", lambda: [Agent("zoe", clock).rating("bob", 0)]),
+        (403, "in the wrong place", lambda: [ann.rating("bob", 0, aud="other")]),
+        (404, "unknown provider", lambda: [ann.rating("zoe", 0)]),
+        (409, "replayed", lambda: [first]),
+        (413, "too large", lambda: ["x" * 4096] * 1020),
+        (401, "garbage", lambda: ["x"]),
+        (422, "garbage", lambda: []),
+        (422, "garbage", lambda: [7]),
+        (422, "out of range", lambda: [ann.rating("bob", 2)]),
+    ):
+        counts = client.get("/refusals").json()["refusals"]
+        answer = client.post("/ratings", json={"tokens": make()})
+        assert (answer.status_code, answer.json()["reason"]) == (status, reason)
+        assert answer.json()["detail"]
+        assert client.get("/refusals").json()["refusals"] == {
+            **counts,
+            reason: counts.get(reason, 0) + 1,
+        }
+    assert (
+        client.post(
+            "/agents", content=b"\xff", headers={"Content-Type": "application/json"}
+        ).status_code
+        == 422
+    )
+    assert client.put("/agents").headers["Allow"] == "GET, POST"
+    for path in ("/agents/zoe", "/nothing", "/agents?limit=0", "/docs", "/redoc"):
+        assert set(client.get(path).json()) == {"reason", "detail", "at"}
+    assert client.get("/agents/zoe").json()["reason"] == "unknown agent"
+    unknown = client.get("/nothing").json()
+    assert unknown["reason"] == "unknown path"
+    assert (
+        "no /nothing; there are /openapi.json, /, /agents, /agents/{name}, /ratings"
+        in unknown["detail"]
+    )
+
+    def full(store: JournalStore, new: object) -> None:
+        raise StoreError("/srv/secret is full")
+
+    monkeypatch.setattr(JournalStore, "append", full)
+    monkeypatch.setattr(JournalStore, "rows", full)
+    for answer in (
+        client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]}),
+        client.get("/ratings"),
+    ):
+        assert (answer.status_code, answer.json()["reason"], answer.headers["Retry-After"]) == (
+            503,
+            "not stored",
+            "1",
+        )
+        assert "secret" not in answer.text
+    assert [record.message for record in caplog.records] == ["/srv/secret is full"]
+
+
+def test_the_protocol_of_rounds_is_answered_as_ever(client: TestClient):
+    service = TrustService(make_trust_model("mean"))
+    lines = [
+        json.dumps(
+            {"game": 1, "round": n, "raters": 1, "providers": 2, "ratings": [[0, 1, 0.9]] * n}
+        )
+        for n in (0, 1)
+    ]
+    assert client.post("/rounds", content="\n".join(lines)).text.splitlines() == [
+        service.answer(line) for line in lines
+    ]
+    assert client.post("/rounds", content="{}").status_code == 400
