@@ -19,7 +19,7 @@ from mcp.client import Client
 from mcp.client.stdio import StdioServerParameters
 from mcp.server import MCPServer
 
-from roletrust_manager.http.client import TrustClient
+from roletrust_manager.http.client import TrustClient, UnreachableError
 
 WORKERS = {"bob": 1.0, "eve": 0.3}
 """Probability that a worker is right, by its name."""
@@ -94,6 +94,11 @@ def main(arguments: list[str] | None = None) -> list[str]:
     )
     parser.add_argument("--work", metavar="NAME", choices=sorted(WORKERS), help="Be this worker.")
     given = parser.parse_args(arguments)
+    try:
+        with TrustClient(given.url, patience_s=3) as reader:
+            reader.about()
+    except (UnreachableError, ValueError) as error:
+        sys.exit(str(error))
     if given.work:
         work(given.url, given.keys, given.work)
         return []

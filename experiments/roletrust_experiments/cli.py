@@ -35,6 +35,7 @@ _HERE = "roletrust_experiments.commands"
         "audit": f"{_HERE}.audit:audit",
         "serve": f"{_HERE}.serve:serve",
         "mcp": f"{_HERE}.mcp:mcp",
+        "manager": f"{_HERE}.manager:manager",
         "figures": f"{_HERE}.figures:figures",
         "live": f"{_HERE}.live.app:live",
     }

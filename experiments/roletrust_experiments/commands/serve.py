@@ -1,6 +1,7 @@
 """`roletrust serve`: a trust model for programs in any language, and a trust manager for agents."""
 
 import gc
+import signal
 import socket
 import sys
 from functools import partial
@@ -156,6 +157,7 @@ def _manage(
     from roletrust_manager.http.requests import Settings
     from roletrust_manager.journal.sql import JournalStore
 
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # after the store is closed
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     journal = JournalStore(store, name)
     try:

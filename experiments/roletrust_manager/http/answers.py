@@ -4,7 +4,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from roletrust_manager.http.tokens import MAX_TOKEN, Name
+from roletrust_manager.admission.keys import NAME
+from roletrust_manager.http.tokens import MAX_TOKEN, Key, Name
 
 MAX_TOKENS = 1000
 """Number of ratings that a request may have."""
@@ -12,6 +13,8 @@ MAX_TOKENS = 1000
 Share = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=0)]
 Seconds = Annotated[float, Field(description="Time, seconds since 1970.", examples=[1764181371.5])]
+Identity = Annotated[str, Field(pattern=f"^{NAME}(~[1-9][0-9]*)?$", examples=["ann~2"])]
+"""Name of an agent in the journal: an agent that has come back has a suffix with a number."""
 Token = Annotated[str, Field(max_length=MAX_TOKEN, description="Signed JSON Web Token.")]
 
 
@@ -102,7 +105,7 @@ class AgentTrust(_Message):
 class TrustReason(_Message):
     """Ratings by one other agent, or of one, and the trust without them."""
 
-    agent: str
+    agent: Identity
     trust: Share
     """Trust in this other agent."""
     ratings: list[Share]
@@ -138,7 +141,7 @@ class Agent(_Message):
     """Registered agent."""
 
     name: Name
-    key: str
+    key: Key
     """Public key, ed25519, 32 bytes in base64url."""
     registered: Seconds
     provider: AgentTrust

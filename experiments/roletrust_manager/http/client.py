@@ -11,7 +11,7 @@ from typing import Any, Self, TypeVar
 import httpx2
 from pydantic import BaseModel, ValidationError
 
-from roletrust_env.errors import printable, validation_message
+from roletrust_env.errors import printable, short, validation_message
 from roletrust_env.storage.files import replacing
 from roletrust_manager.admission.keys import Signer, check_name, make_keys
 from roletrust_manager.admission.validation import RefusalReason
@@ -337,7 +337,10 @@ class TrustClient:
         letter: _Letter | None = None,
         params: Mapping[str, Any] | None = None,
     ) -> Answer:
-        """Return the answer to a request, which is sent until there is one or the patience ends."""
+        """Return the answer to a request, which is sent until there is one or the patience ends.
+
+        Pauses grow, and become shorter again before the end: the last request is sent at the end.
+        """
         end, pause = time.monotonic() + self._patience_s, _PAUSE_S
         while True:
             if letter is not None:
@@ -355,18 +358,20 @@ class TrustClient:
                 failure = self._failure(response)
             except httpx2.TransportError as error:
                 failure = self._unreachable(error)
-            if time.monotonic() + pause > end:
+            left = end - time.monotonic()
+            if left <= 0:
                 raise failure
-            time.sleep(pause)
+            time.sleep(min(pause, left, max(left / 2, _PAUSE_S)))
             pause = min(2 * pause, _LONGEST_PAUSE_S)
         if not response.is_success:
             raise self._failure(response)
         try:
             return kind.model_validate_json(response.content)
-        except ValidationError as error:
+        except ValidationError as error:  # without its values, since language models read errors
+            fields = [".".join(map(str, detail["loc"])) for detail in error.errors()]
             raise ValueError(
-                f"{self.url} is no trust manager, or one of another version: "
-                f"{validation_message(error)}"
+                f"{self.url} is not a trust manager, or has another version: its answer has wrong "
+                f"fields: {short(', '.join(fields))}"
             ) from None
 
     def _failure(self, response: httpx2.Response) -> RefusalError | UnreachableError:

@@ -2,6 +2,7 @@
 trust.
 """
 
+import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -17,7 +18,6 @@ from roletrust_env.logs.evidence import Role
 from roletrust_env.logs.explain import Explanation
 from roletrust_env.parameters import truth_value
 from roletrust_env.trust.model import TrustModel, registry
-from roletrust_manager.admission.clock import steady
 from roletrust_manager.admission.keys import KnownKeys
 from roletrust_manager.admission.validation import (
     MessageValidator,
@@ -48,8 +48,10 @@ from roletrust_manager.http.tokens import (
 )
 from roletrust_manager.journal.sql import BLOCK, Event, JournalStore, StoreError, events
 
+_log = logging.getLogger(__name__)
 _VERSION = version("roletrust-env")
 _NANO = 1000  # nanoseconds of a microsecond
+_AHEAD = 10 * SECOND  # microseconds of which the operator is told
 _LONGEST = 10**9  # seconds of a round or of a tolerance
 _AGAIN = "~"  # between the name of an agent that has come back, and how often it has begun
 
@@ -66,8 +68,8 @@ class TrustManager:
         store: Journal, which is opened.
         model: Name of the trust model, such as `roletrust list models` has it.
         settings: Settings.
-        clock: Function that returns the time, seconds since 1970. Rounds never go back, even if it
-            does.
+        clock: Function that returns the time, seconds since 1970. If it is set back, rounds go on
+            as if it was not.
         monotonic: Function that returns the time by a clock that nobody sets, seconds.
         make: Function that makes the trust model of a name.
 
@@ -99,6 +101,7 @@ class TrustManager:
         self._keys: dict[str, Ed25519PublicKey] = {}
         self._new: list[Event] = []  # of the requests that are being taken
         self._undo: list[Callable[[], object]] = []  # how to take them back
+        self._is_ahead = False  # whether the journal is ahead of the clock
         self._in_doubt = False  # whether the store may have more than is known
         self._failure = ""  # of the model, for good
         self.refusals: Counter[tuple[str, RefusalReason]] = Counter()
@@ -226,8 +229,12 @@ class TrustManager:
                 it is then.
         """
         before, self._read_at = self._read_at, self._monotonic()
-        elapsed = round((self._read_at - before) * SECOND)
-        self._time = steady(round(self._clock() * SECOND), self._time, elapsed)
+        now = round(self._clock() * SECOND)
+        self._time = max(now, self._time + round((self._read_at - before) * SECOND))
+        is_ahead = self._time - now > _AHEAD
+        if is_ahead and not self._is_ahead:
+            _log.warning("the clock is %.0f s behind the journal", (self._time - now) / SECOND)
+        self._is_ahead = is_ahead
         if self._failure:
             raise StoreError(self._failure)
         try:

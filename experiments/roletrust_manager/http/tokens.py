@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal, TypeVar
 
 import jwt
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from roletrust_env.errors import validation_message
+from roletrust_env.errors import short, validation_message
 from roletrust_manager.admission.keys import NAME
 from roletrust_manager.admission.validation import Envelope
 
@@ -27,6 +27,17 @@ Name = Annotated[str, Field(pattern=f"^{NAME}$", examples=["ann"])]
 """Name of an agent or of a manager: up to 200 letters, digits and `_.-@:+`, the first a letter or
 `_`."""
 
+Key = Annotated[str, Field(pattern="^[-_A-Za-z0-9]{43}$")]
+"""Public key, ed25519: 32 bytes in base64url without padding, as `x` of a JSON Web Key (RFC
+8037)."""
+
+_Time = Annotated[float, Field(allow_inf_nan=False)]
+
+
+def _single_audience(aud: Any) -> Any:
+    """Return the only element of an array with one element, and any other value unchanged."""
+    return aud[0] if isinstance(aud, list) and len(aud) == 1 else aud
+
 
 class Claims(BaseModel):
     """Claims of a token, shared by all kinds. Further claims are allowed, and stand in the journal
@@ -35,17 +46,24 @@ class Claims(BaseModel):
     Attributes:
         kind: Kind of the token, so that none can be sent as another.
         iss: Name of the agent that signs it.
-        aud: Name of the manager that it is for.
+        aud: Name of the manager that it is for. A token may have it as an array with one name.
         iat: Time of signing, seconds since 1970, to the microsecond. It increases from token to
             token of an agent.
+        exp: Time at which the token expires, seconds since 1970; None for a token that does not.
+        nbf: Time from which the token is valid, seconds since 1970; None for a token that is always
+            valid before `exp`.
+        jti: Identifier of the token, which the manager does not interpret.
     """
 
     model_config = ConfigDict(strict=True, frozen=True)
 
     kind: str
     iss: Name
-    aud: Name
+    aud: Annotated[Name, BeforeValidator(_single_audience)]
     iat: Annotated[float, Field(gt=0, lt=1e10, allow_inf_nan=False)]
+    exp: _Time | None = None
+    nbf: _Time | None = None
+    jti: Annotated[str, Field(min_length=1, max_length=64)] | None = None
 
     @property
     def stamp(self) -> int:
@@ -57,13 +75,12 @@ class Registration(Claims):
     """Claims of an agent that registers.
 
     Attributes:
-        key: Public key of the agent, 32 bytes in base64url without padding, as `x` of a JSON Web
-            Key (RFC 8037).
+        key: Public key of the agent.
         work: Nonce that proves the work, see `has_work`.
     """
 
     kind: Literal["register"] = "register"
-    key: Annotated[str, Field(pattern="^[-_A-Za-z0-9]{43}$")]
+    key: Key
     work: Annotated[int, Field(ge=0, lt=2**63)] = 0
 
 
@@ -91,16 +108,19 @@ AnyClaims = TypeVar("AnyClaims", bound=Claims)
 
 def sign_token(claims: Claims, key: Ed25519PrivateKey) -> str:
     """Return the token of some claims, signed by the private key of their agent."""
-    token: str = jwt.encode(claims.model_dump(), key, algorithm=_ALGORITHM)
+    token: str = jwt.encode(claims.model_dump(exclude_none=True), key, algorithm=_ALGORITHM)
     return token
 
 
 def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
-    """Return the claims of a token of some kind, and its origin, which a `MessageValidator` has yet
-    to verify.
+    """Return the claims of a token of some kind, and its origin.
+
+    It checks the form only: `MessageValidator` verifies the signature, and `claims_are_current` the
+    times `exp` and `nbf`. The three parts must be canonical base64url without padding, so that a
+    token has one spelling.
 
     Raises:
-        ValueError: It is no such token, or its claims are not those of the kind.
+        ValueError: The text is not such a token, or its claims are not those of the kind.
     """
     if len(token) > MAX_TOKEN:
         raise ValueError(f"a token has up to {MAX_TOKEN:,} characters, this one has {len(token):,}")
@@ -108,6 +128,12 @@ def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
         parts: dict[str, Any] = _reader.decode_complete(token, options={"verify_signature": False})
         if parts["header"].get("alg") != _ALGORITHM:
             raise ValueError(f"the algorithm of a token is {_ALGORITHM}")
+        for part in token.split("."):
+            if not _is_canonical(part):
+                raise ValueError(
+                    "each part of a token must be canonical base64url without padding, got "
+                    f"{short(repr(part))}"
+                )
         claims = kind.model_validate_json(parts["payload"])
     except ValidationError as error:
         raise ValueError(
@@ -120,9 +146,29 @@ def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
     return claims, Envelope(claims.iss, claims.stamp, signed, parts["signature"])
 
 
+def claims_are_current(claims: Claims, now: float) -> bool:
+    """Return whether a token is valid at a time: not before its `nbf`, and before its `exp`.
+
+    Args:
+        claims: Claims of the token.
+        now: Time, seconds since 1970.
+    """
+    return (claims.nbf is None or claims.nbf <= now) and (claims.exp is None or now < claims.exp)
+
+
+def _is_canonical(part: str) -> bool:
+    """Return whether a part of a token is the one base64url text of its bytes."""
+    return _base64url(base64.urlsafe_b64decode(part + "=" * (-len(part) % 4))) == part
+
+
+def _base64url(content: bytes) -> str:
+    """Return bytes in base64url without padding."""
+    return base64.urlsafe_b64encode(content).decode().rstrip("=")
+
+
 def key_as_text(key: Ed25519PublicKey) -> str:
     """Return a public key as the text of `Registration.key`."""
-    return base64.urlsafe_b64encode(key.public_bytes_raw()).decode().rstrip("=")
+    return _base64url(key.public_bytes_raw())
 
 
 def key_of_text(text: str) -> Ed25519PublicKey:

@@ -22,6 +22,7 @@ from pydantic import Field, NonNegativeInt, TypeAdapter, field_validator
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.untrusted import UntrustedModel, check_file, parse_json, parse_untrusted
 from roletrust_env.trust.stored import taken
+from roletrust_manager.journal.held_file import HeldFile
 from roletrust_manager.team import PublishedTrust, RatingRows, Team, Trust
 
 _VERSION = 1
@@ -147,9 +148,13 @@ class Journal:
         if path.exists():
             check_file(path, "a journal is a file, or a path where there is nothing yet")
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         try:
-            _lock(self._file, path)
+            self._file = HeldFile(path)
+        except BlockingIOError:
+            raise ValueError(
+                f"{path} is in use by another manager; stop that manager, or name another journal"
+            ) from None
+        try:
             self._begin({"journal": _VERSION, **about}, after)
         except BaseException:
             self.close()
@@ -161,7 +166,7 @@ class Journal:
         if _line(header).startswith(first) and not first.endswith(
             b"\n"
         ):  # new, or killed while it wrote the header
-            os.ftruncate(self._file, 0)
+            os.ftruncate(self._file.number, 0)
             self._write(header)
             return
         stored = _parse(self.path, first)
@@ -171,7 +176,7 @@ class Journal:
             raise ValueError(
                 f"{self.path} is a journal with other settings: {_difference(stored, header)}"
             )
-        os.ftruncate(self._file, _complete_size(self.path))
+        os.ftruncate(self._file.number, complete_size(self.path))
         with self.path.open("rb") as file:
             if after is not None and self._hash(file, after.offset) == (after.offset, after.digest):
                 self.after, self._team, self.rounds = after, after.team, after.round
@@ -214,7 +219,7 @@ class Journal:
 
     def close(self) -> None:
         """Close the file and release it to other processes."""
-        os.close(self._file)
+        self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -223,12 +228,13 @@ class Journal:
         self.close()
 
     def _write(self, data: dict[str, Any]) -> None:
+        self._file.check()
         line = _line(data)
         self._digest.update(line)
         self._size += len(line)
         while line:  # a nearly full disk writes only a part
-            line = line[os.write(self._file, line) :]
-        os.fsync(self._file)
+            line = line[os.write(self._file.number, line) :]
+        os.fsync(self._file.number)
 
 
 def read_journal(path: Path, after: JournalPosition | None = None) -> Iterator[JournalEntry]:
@@ -343,19 +349,7 @@ def _entry(line: "_RoundLine", team: Team) -> JournalEntry:
     return JournalEntry(line.round, line.stamp, line.closed, team, ratings, line.missing, trust)
 
 
-def _lock(file: int, path: Path) -> None:
-    """Lock a file for this process, as long as it is open."""
-    import fcntl  # some systems lack it, and the rest of the library runs there
-
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise ValueError(
-            f"{path} is in use by another manager; stop that manager, or name another journal"
-        ) from None
-
-
-def _complete_size(path: Path) -> int:
+def complete_size(path: Path) -> int:
     """Return the size of a file without an unfinished last line, bytes."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
         return text.rfind(b"\n") + 1

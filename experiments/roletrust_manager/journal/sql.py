@@ -8,7 +8,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from filelock import FileLock, Timeout
 from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 from sqlalchemy import (
     URL,
@@ -35,6 +34,7 @@ from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from roletrust_env.errors import short
 from roletrust_manager.admission.keys import NAME, check_name
+from roletrust_manager.journal.held_file import HeldFile
 
 _SCHEMA = 1
 _LOCK = int.from_bytes(b"roletrus")  # the advisory lock of PostgreSQL, one for each database
@@ -115,15 +115,15 @@ class JournalStore:
     """
 
     def __init__(self, address: str, name: str | None = None) -> None:
-        self._file: FileLock | None = None
+        self._path: Path | None = None
+        self._file: HeldFile | None = None
         self._connection: Connection | None = None
         self.name, self._wanted = "", name
         if name is not None:
             check_name(name)
         if address and "://" not in address:
-            path = Path(address).resolve()  # so that no text stands for a database in memory
-            url, self._shown = URL.create("sqlite", database=str(path)), address
-            self._file = FileLock(f"{path}.lock", timeout=0)
+            self._path = Path(address).resolve()  # so that no text stands for a database in memory
+            url, self._shown = URL.create("sqlite", database=str(self._path)), address
         else:
             try:
                 url = make_url(address)
@@ -136,7 +136,7 @@ class JournalStore:
                 )
             url = url.set(drivername="postgresql+psycopg")
         self._engine = create_engine(url, pool_pre_ping=True)
-        if self._file is not None:
+        if self._path is not None:
             event.listen(self._engine, "connect", _durable)
 
     def open(self) -> None:
@@ -148,17 +148,17 @@ class JournalStore:
         """
         if self.name:
             return
-        if self._file is not None:
+        if self._path is not None:
             try:
-                self._file.acquire()
-            except Timeout:
+                self._file = HeldFile(self._path)
+            except BlockingIOError:
                 raise self._in_use() from None
             except OSError as error:
                 raise StoreError(f"{self._shown} cannot be opened: {error.strerror}") from None
         try:
             with self._writer().begin():
                 self.name = self._opened(self._writer())
-            if self._file is not None:  # readers and the writer do not wait for one another then
+            if self._path is not None:  # readers and the writer do not wait for one another then
                 self._writer().exec_driver_sql("pragma journal_mode = wal")
                 self._writer().commit()
         except SQLAlchemyError as error:
@@ -173,7 +173,7 @@ class JournalStore:
         is told.
         """
         existing = set(inspect(connection).get_table_names())
-        if self._file is not None and (others := existing - set(_tables.tables)):
+        if self._path is not None and (others := existing - set(_tables.tables)):
             raise ValueError(
                 f"{self._shown} is a database of another program, with a table {min(others)!r}"
             )
@@ -218,6 +218,8 @@ class JournalStore:
             StoreError: They cannot be written; whether they are, `last` will say.
         """
         try:
+            if self._file is not None:
+                self._file.check()
             connection = self._writer()
             with connection.begin():
                 connection.execute(insert(events), [new_event._asdict() for new_event in new])
@@ -225,6 +227,8 @@ class JournalStore:
             if self._connection is not None and self._connection.invalidated:
                 self._release()
             raise self._failed("cannot be written", error) from None
+        except FileNotFoundError as error:
+            raise StoreError(str(error)) from None
 
     def history(self) -> Iterator[Event]:
         """Yield all events in order.
@@ -280,11 +284,12 @@ class JournalStore:
             raise self._failed("cannot be read", error) from None
 
     def close(self) -> None:
-        """Release the store."""
+        """Release the store. A file then has all events, and no write-ahead log beside it."""
         self._release()
         self._engine.dispose()
         if self._file is not None:
-            self._file.release()
+            self._file.close()  # last: it would end the locks of SQLite
+            self._file = None
 
     def _writer(self) -> Connection:
         """Return the connection of the manager, on which it keeps other managers out.
@@ -294,7 +299,7 @@ class JournalStore:
         """
         if self._connection is None:
             self._connection = self._engine.connect()
-            if self._file is None:
+            if self._path is None:
                 self._lock(self._connection)
         return self._connection
 

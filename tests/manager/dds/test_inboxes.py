@@ -230,6 +230,15 @@ def test_a_stamp_is_of_the_nearest_round():
     assert timeline.round(timeline.begin(3)) == 3
 
 
+@pytest.mark.parametrize(
+    ("now", "after", "following"),
+    [(900, -1, 0), (500, -1, 0), (1000, -1, 0), (1300, 3, 4), (1900, 3, 9), (1310, 40, 4)],
+)
+def test_rounds_go_on_when_the_clock_was_set(now, after, following, monkeypatch):
+    monkeypatch.setattr(run_loop.clock, "now", lambda: now)
+    assert Timeline(1000, 100).next_round(after) == following
+
+
 @pytest.mark.parametrize(("now", "start"), [(1000, 1100), (1001, 1100), (1099, 1100)])
 def test_an_aligned_timeline_starts_with_the_next_whole_period(now, start, monkeypatch):
     monkeypatch.setattr(run_loop.clock, "now", lambda: now)

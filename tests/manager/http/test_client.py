@@ -4,6 +4,8 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
+import httpx2
+import pytest
 from fastapi import FastAPI
 from refusals import refuses
 from running import manager, running
@@ -108,6 +110,52 @@ def test_a_restart_is_waited_for(tmp_path, clock):
         with manager(path, clock) as kept, running(make_app(kept), int(url.rpartition(":")[2])):
             assert registration.result().seq == 2
             assert bob.about().agents == 2
+
+
+class Restart:
+    """A manager that refuses connections until a time of a fake clock, which starts at 0.
+
+    Attributes:
+        now: Time, seconds.
+        requests: Times of the requests.
+    """
+
+    def __init__(self, client_, monkeypatch, until_s):
+        self.now, self.requests, request = 0.0, [], client_._http.request
+
+        def requested(*arguments, **options):
+            self.requests.append(self.now)
+            if self.now < until_s:
+                raise httpx2.ConnectError("refused")
+            return request(*arguments, **options)
+
+        def sleep(seconds):
+            assert seconds > 0
+            self.now += seconds
+
+        fake = SimpleNamespace(**vars(time) | {"monotonic": lambda: self.now, "sleep": sleep})
+        monkeypatch.setattr(client_._http, "request", requested)
+        monkeypatch.setattr(client, "time", fake)
+
+
+@pytest.mark.parametrize(
+    ("patience_s", "until_s"), [(0.1, 0.05), (3, 2.5), (3, 2.95), (15, 14.5), (50, 49)]
+)
+def test_a_client_waits_for_its_whole_patience(ann, monkeypatch, patience_s, until_s):
+    ann._patience_s = patience_s
+    restart = Restart(ann, monkeypatch, until_s)
+    assert ann.about().agents == 2
+    assert until_s <= restart.now <= patience_s
+
+
+@pytest.mark.parametrize(("patience_s", "most"), [(0.1, 2), (3, 12), (15, 20), (50, 40)])
+def test_a_client_gives_up_when_its_patience_ends(ann, monkeypatch, patience_s, most):
+    ann._patience_s = patience_s
+    restart = Restart(ann, monkeypatch, float("inf"))
+    with refuses(UnreachableError, ann.url):
+        ann.about()
+    assert restart.now == pytest.approx(patience_s)
+    assert len(restart.requests) <= most
 
 
 def test_more_work_than_a_client_does_is_refused(ann, monkeypatch):

@@ -3,6 +3,7 @@ killed."""
 
 import asyncio
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,19 +12,34 @@ import pytest
 from mcp.client import Client
 from mcp.client.stdio import StdioServerParameters
 from pages import HOUSE, blocks
+from refusals import assert_names
 from served import served
-
-pytestmark = pytest.mark.slow
 
 ROUNDS = "--every", 1, "--work", 4  # seconds, and bits of the proof of work
 
 
-@pytest.fixture(autouse=True)
+@pytest.mark.parametrize("url", ["http://127.0.0.1:9", "127.0.0.1:9"])
+@pytest.mark.parametrize("options", [[], ["--work", "bob"]])
+def test_an_example_without_a_manager_ends_with_one_line(tmp_path, url, options):
+    done = subprocess.run(
+        [sys.executable, HOUSE / "docs/guide/delegation.py", url, "--keys", tmp_path, *options],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert_names(done.stderr, url)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
 def programs(monkeypatch):
     """Find the command `roletrust` of this environment."""
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("programs")
 def test_the_consumer_finds_the_better_worker(tmp_path):
     with served("--store", tmp_path / "trust.sqlite", *ROUNDS) as manager:
         chosen = delegation.main(
@@ -32,6 +48,8 @@ def test_the_consumer_finds_the_better_worker(tmp_path):
     assert chosen == ["bob", "eve", "bob", "bob"]
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("programs")
 def test_the_agents_of_the_guide_register_and_rate(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (block,) = blocks(HOUSE / "docs/guide/manager.md", "python")
@@ -40,6 +58,8 @@ def test_the_agents_of_the_guide_register_and_rate(tmp_path, monkeypatch, capsys
     assert "trust=0.5" in capsys.readouterr().out
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("programs")
 def test_tools_outlive_the_manager(tmp_path):
     """It is killed between a rating and its repetition, and nothing that was acknowledged is
     lost."""

@@ -24,6 +24,7 @@ from roletrust_manager.http import journal_trust
 from roletrust_manager.http.manager import TrustManager
 from roletrust_manager.http.requests import RefusedError, Request
 from roletrust_manager.http.tokens import Rating, Registration, key_as_text, sign_token
+from roletrust_manager.journal.backup import back_up
 from roletrust_manager.journal.sql import JournalStore, StoreError
 
 
@@ -253,7 +254,9 @@ def test_limits_of_a_round_go_on_after_a_restart(tmp_path: Path):
 
 
 @pytest.mark.parametrize("restarts", [False, True], ids=["running", "restarted"])
-def test_rounds_go_on_at_half_the_speed_when_the_clock_was_ahead(tmp_path: Path, restarts: bool):
+def test_rounds_go_on_when_the_clock_was_ahead(
+    tmp_path: Path, restarts: bool, caplog: pytest.LogCaptureFixture
+):
     clock, settings = Clock(), QUICK._replace(every=10.0, quota=1)
     with managed(tmp_path / "s", clock, settings) as manager:
         ann, _ = joined(manager, clock, "ann", "bob")
@@ -261,19 +264,20 @@ def test_rounds_go_on_at_half_the_speed_when_the_clock_was_ahead(tmp_path: Path,
         _, cec = joined(manager, clock, "dan", "cec")
         if not restarts:
             clock.now -= 3600
-            rounds_by_half_the_time(manager, clock, ann)
+            rounds_in_their_time(manager, clock, ann)
     if restarts:
         clock.now -= 3600
         with managed(tmp_path / "s", clock, settings) as manager:
-            rounds_by_half_the_time(manager, clock, ann)
+            rounds_in_their_time(manager, clock, ann)
             refused(manager, RefusalReason.FUTURE, "rate", [cec.rating("bob", 1)])
+    assert len(caplog.records) == 1
 
 
-def rounds_by_half_the_time(manager: OneByOne, clock: Clock, rater: Agent) -> None:
-    """Rate once in each of three rounds, which take twenty seconds in place of ten."""
+def rounds_in_their_time(manager: OneByOne, clock: Clock, rater: Agent) -> None:
+    """Rate once in each of three rounds, which take ten seconds."""
     manager.rate([rater.rating("bob", 1)])
     for number in (1, 2, 3):
-        clock.now, clock.passed = clock.now + 19, clock.passed + 19
+        clock.now, clock.passed = clock.now + 9, clock.passed + 9
         refused(manager, RefusalReason.FLOOD, "rate", [rater.rating("bob", 1)])
         clock.now, clock.passed = clock.now + 1, clock.passed + 1
         manager.rate([rater.rating("bob", 1)])
@@ -517,3 +521,37 @@ def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytes
     with refuses(ValueError, "a b"):
         JournalStore(str(tmp_path / "new"), "a b")
     assert not (tmp_path / "new").exists()
+
+
+def test_a_store_that_was_deleted_or_replaced_takes_nothing(tmp_path: Path):
+    clock, path = Clock(), tmp_path / "s"
+    with managed(path, clock) as manager:
+        ann, _ = joined(manager, clock, "ann", "bob")
+        for change in (path.unlink, path.touch):
+            change()
+            with refuses(StoreError, str(path)):
+                manager.rate([ann.rating("bob", 1)])
+        assert manager.about()["ratings"] == 0
+
+
+def test_a_store_has_one_manager_under_all_its_names(tmp_path: Path):
+    with managed(tmp_path / "a", Clock()):
+        (tmp_path / "b").hardlink_to(tmp_path / "a")
+        with refuses(StoreError, "b"):
+            JournalStore(str(tmp_path / "b")).open()
+
+
+def test_a_closed_store_is_one_file_and_a_running_one_can_be_copied(tmp_path: Path):
+    clock, path = Clock(), tmp_path / "s"
+    with managed(path, clock) as manager:
+        ann, _ = joined(manager, clock, "ann", "bob")
+        manager.rate([ann.rating("bob", 1) for _ in range(1)])
+        back_up(path, tmp_path / "copy")
+        with refuses(FileExistsError, "copy"):
+            back_up(path, tmp_path / "copy")
+    assert {file.name for file in tmp_path.iterdir()} == {"s", "copy"}
+    for name in ("s", "copy"):
+        with closing(sqlite3.connect(tmp_path / name)) as connection:
+            assert connection.execute("select max(seq) from events").fetchone() == (3,)
+    with managed(tmp_path / "copy", clock) as manager:
+        assert manager.about()["ratings"] == 1

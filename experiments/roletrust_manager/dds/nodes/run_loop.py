@@ -46,10 +46,13 @@ class Timeline(NamedTuple):
         """Return the round to play after another one, -1 for none, without those that are over by
         half a period.
 
-        A process that stood still, or whose clock was set forward, so goes on at once and not round
-        by round.
+        A process that stood still, or whose clock was set, so goes on at once and not round by
+        round.
         """
-        return max(after + 1, self.round(clock.now()))
+        running = self.round(clock.now())
+        if 0 <= after and running < after - 1:
+            return max(running + 1, 0)
+        return max(after + 1, running)
 
 
 class RunState:
@@ -75,8 +78,11 @@ class RunState:
         self._stopped = True
 
     def sleep_until(self, moment: int) -> None:
-        """Sleep until a moment, nanoseconds since 1970, or until the node is asked to end."""
-        while self and (remaining := moment - clock.now()) > 0:
+        """Sleep until a moment, nanoseconds since 1970, or until the node is asked to end; no longer
+        if the clock is set back meanwhile.
+        """
+        end = time.monotonic_ns() + moment - clock.now()
+        while self and (remaining := min(moment - clock.now(), end - time.monotonic_ns())) > 0:
             time.sleep(min(remaining / SECOND, 0.1))
 
 
