@@ -7,14 +7,14 @@ from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.metadata import version
-from itertools import chain
 from typing import Annotated, Any
 
 from fastapi import FastAPI, HTTPException, Query
 from fastapi import Request as HttpRequest
 from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse, PlainTextResponse, StreamingResponse
+from fastapi.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.datastructures import QueryParams
 from starlette.exceptions import HTTPException as StarletteHTTPException
 from starlette.routing import Match
 
@@ -24,7 +24,7 @@ from roletrust_env.trust.service import TrustService
 from roletrust_manager.admission.validation import RefusalReason
 from roletrust_manager.http import answers
 from roletrust_manager.http.journal_trust import RoundEnd
-from roletrust_manager.http.manager import TrustManager
+from roletrust_manager.http.manager import MOST_ROWS, TrustManager
 from roletrust_manager.http.requests import Member, RefusedError, Request
 from roletrust_manager.http.tokens import MAX_TOKEN, Leave, Name, Rating, Registration
 from roletrust_manager.http.writer import BusyError, RequestWriter
@@ -60,9 +60,12 @@ _WORDS = {
 }
 _MOST_BYTES = {
     "/ratings": answers.MAX_TOKENS * (MAX_TOKEN + 16),
-    "/rounds": 64_000_000,
+    "/rounds": 16_000_000,
 }  # of a body
 _FEW_BYTES = 64_000
+_MOST_UNDER_WAY = 32_000_000  # bytes of all bodies beyond the first of each
+_MOST_PAGES = 8  # of ratings, under way at once
+_PART = 64_000  # bytes of a page that are sent at once
 _MOST_STREAMS, _MOST_ROUNDS, _QUIET_S = (
     100,
     16,
@@ -93,6 +96,7 @@ class Endpoints:
         self._writer = RequestWriter(manager)
         self._streams = set[asyncio.Queue[str | None]]()
         self._explaining = asyncio.Lock()
+        self._pages = 0  # under way
         self._told = ""  # the failure of the store that the log has
 
     @asynccontextmanager
@@ -182,13 +186,31 @@ class Endpoints:
                 update={"explanation": await run_in_threadpool(self._explained, member)}
             )
 
-    async def ratings(self, counted: bool = False) -> StreamingResponse:
-        """Export the ratings as CSV, which `roletrust rate` reads; `counted` leaves out those of
-        the running round.
+    async def ratings(
+        self,
+        after: Annotated[int, Query(ge=0, lt=2**63)] = 0,
+        limit: Annotated[int, Query(ge=1, le=MOST_ROWS)] = MOST_ROWS,
+        counted: bool = False,
+    ) -> Response:
+        """Export a page of ratings as CSV, which `roletrust rate` reads; `counted` leaves out those
+        of the running round. The header `Link` has the next page, if there is one.
         """
-        parts = self._manager.export(counted=counted)
-        first = await run_in_threadpool(next, parts)  # before the status is sent
-        return StreamingResponse(chain([first], parts), media_type="text/csv; charset=utf-8")
+        return await self._page(lambda: self._manager.export(after, limit, counted=counted))
+
+    async def _page(self, read: Callable[[], tuple[str, int | None]]) -> Response:
+        """Return a page of a table, of which only a few are under way at once."""
+        if self._pages >= _MOST_PAGES:
+            raise BusyError
+        self._pages += 1
+        try:
+            text, following = await run_in_threadpool(read)
+        except BaseException:
+            self._pages -= 1
+            raise
+        return TablePage(text, following, self._page_sent)
+
+    def _page_sent(self) -> None:
+        self._pages -= 1
 
     async def events(self) -> StreamingResponse:
         """Tell of each round that ends, with the trust that it changes, as server-sent events."""
@@ -255,8 +277,39 @@ class Endpoints:
         )
 
 
+async def _parts(data: bytes) -> AsyncIterator[bytes]:
+    for at in range(0, len(data), _PART):
+        yield data[at : at + _PART]
+
+
+class TablePage(StreamingResponse):
+    """A page of CSV, which is sent as fast as it is read.
+
+    Args:
+        text: Content.
+        following: Number of the last row, after which the next page begins; None if there is none.
+        sent: Function that is called at the end, whether all was sent or not.
+    """
+
+    def __init__(self, text: str, following: int | None, sent: Callable[[], None]) -> None:
+        super().__init__(_parts(text.encode()), media_type="text/csv; charset=utf-8")
+        self._following, self._sent = following, sent
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Send the page, as applications of ASGI do."""
+        try:
+            if self._following is not None:
+                query = QueryParams(scope["query_string"])
+                following = QueryParams({**query, "after": self._following})
+                self.headers["Link"] = f'<{scope["path"]}?{following}>; rel="next"'
+            await super().__call__(scope, receive, send)
+        finally:
+            self._sent()
+
+
 class BodyLimit:
-    """Refuses bodies that are too large, before more of them is read.
+    """Refuses bodies that are too large, before more of them is read, and large ones while too many
+    are under way.
 
     Args:
         app: Application.
@@ -265,13 +318,14 @@ class BodyLimit:
 
     def __init__(self, app: Any, refuse: Callable[[], None]) -> None:
         self._app, self._refuse = app, refuse
+        self._under_way = 0
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         """Handle a request, as applications of ASGI do."""
-        size, most = 0, _MOST_BYTES.get(scope.get("path", ""), _FEW_BYTES)
+        size, held, most = 0, 0, _MOST_BYTES.get(scope.get("path", ""), _FEW_BYTES)
 
         async def limited() -> Any:
-            nonlocal size
+            nonlocal size, held
             message = await receive()
             size += len(message.get("body", b""))
             if size > most:
@@ -279,9 +333,16 @@ class BodyLimit:
                 raise HTTPException(
                     _STATUS[RefusalReason.TOO_LARGE], f"a body has up to {most:,} bytes here"
                 )
+            more = max(size - _FEW_BYTES, 0) - held
+            if self._under_way + more > _MOST_UNDER_WAY:
+                raise HTTPException(503, "too many large bodies are under way", _RETRY)
+            held, self._under_way = held + more, self._under_way + more
             return message
 
-        await self._app(scope, limited if scope["type"] == "http" else receive, send)
+        try:
+            await self._app(scope, limited if scope["type"] == "http" else receive, send)
+        finally:
+            self._under_way -= held
 
 
 def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
@@ -380,9 +441,8 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
                 "unknown path",
                 f"there is no {request.url.path[:_SHOWN_PATH]}; there are {paths}",
             )
-        reason = {404: "unknown agent", 413: RefusalReason.TOO_LARGE.value}.get(
-            error.status_code, "invalid"
-        )
+        reasons = {404: "unknown agent", 413: RefusalReason.TOO_LARGE.value, 503: "busy"}
+        reason = reasons.get(error.status_code, "invalid")
         headers = dict(error.headers or {})
         if "Allow" in headers:  # which has the methods of one endpoint of the path
             headers["Allow"] = ", ".join(

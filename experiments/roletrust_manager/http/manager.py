@@ -5,7 +5,7 @@ trust.
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.metadata import version
 from typing import Any
@@ -46,12 +46,15 @@ from roletrust_manager.http.tokens import (
     key_of_text,
     read_token,
 )
-from roletrust_manager.journal.sql import BLOCK, Event, JournalStore, StoreError, events
+from roletrust_manager.journal.sql import Event, JournalStore, StoreError, events
 
 _log = logging.getLogger(__name__)
 _VERSION = version("roletrust-env")
 _NANO = 1000  # nanoseconds of a microsecond
 _AHEAD = 10 * SECOND  # microseconds of which the operator is told
+MOST_ROWS = 10_000
+"""Number of ratings in a page of the export."""
+
 _LONGEST = 10**9  # seconds of a round or of a tolerance
 _AGAIN = "~"  # between the name of an agent that has come back, and how often it has begun
 
@@ -538,27 +541,27 @@ class TrustManager:
         """Return what makes the trust in an agent, see `JournalTrust.explain`."""
         return self._trust.explain(member.identity, role)
 
-    def export(self, *, counted: bool = False) -> Iterator[str]:
-        """Yield the ratings as CSV, which `roletrust rate` reads, in blocks of lines.
+    def export(
+        self, after: int = 0, limit: int = MOST_ROWS, *, counted: bool = False
+    ) -> tuple[str, int | None]:
+        """Return a page of ratings as CSV, which `roletrust rate` reads, and where the next page
+        begins; None if there is none.
 
         Args:
+            after: Number of the event after which the page begins.
+            limit: Number of ratings, at most `MOST_ROWS`.
             counted: Whether to leave out those that do not count yet.
         """
-        after, until = 0, self._trust.counted if truth_value("counted", counted) else self._seq
-        query = select(events).where(events.c.kind == "rating").order_by(events.c.seq).limit(BLOCK)
-        head = "rater,ratee,rating,time,token\n"
-        # A query for each block, since whoever reads slowly must not keep the database from tidying
-        # up.
-        while rows := self._store.rows(query.where(events.c.seq > after, events.c.seq <= until)):
-            after = rows[-1].seq
-            lines = (
-                f"{row.sender},{row.provider},{row.rating!r},{_decimal(row.time)},{row.token}\n"
-                for row in rows
-            )
-            yield head + "".join(lines)
-            head = ""
-        if head:
-            yield head
+        until = self._trust.counted if truth_value("counted", counted) else self._seq
+        query = select(events).where(events.c.kind == "rating", events.c.seq > after)
+        query = query.where(events.c.seq <= until).order_by(events.c.seq).limit(limit + 1)
+        rows = self._store.rows(query)
+        lines = [
+            f"{row.sender},{row.provider},{row.rating!r},{_decimal(row.time)},{row.token}\n"
+            for row in rows[:limit]
+        ]
+        head = "" if after else "rater,ratee,rating,time,token\n"
+        return head + "".join(lines), rows[limit - 1].seq if len(rows) > limit else None
 
     def close(self) -> None:
         """Release the store."""

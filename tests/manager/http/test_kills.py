@@ -18,6 +18,8 @@ from postgres import crash, postgres
 from served import Served, served
 from signing_agents import Agent
 
+from roletrust_manager.http.client import TrustClient
+
 KILLS, CRASHES, RATERS = 20, 3, 12
 LOAD_S = 0.1, 0.5  # until a kill
 
@@ -96,7 +98,7 @@ def test_nothing_acknowledged_is_lost_by_kills_under_load(store: str, tmp_path: 
         while (about := client.get("/").json())["counted"] < about["ratings"]:
             time.sleep(0.1)
         agents = client.get("/agents?limit=1000").json()["agents"]
-        (tmp_path / "export.csv").write_text(client.get("/ratings?counted=true").text)
+        TrustClient(manager.url).export(tmp_path / "export.csv")
     assert check_export(tmp_path / "export.csv", raters) == about["ratings"] > KILLS * RATERS
     assert {one["name"] for one in agents} == {
         one.name for one in [*(rater.agent for rater in raters), *newcomers]
@@ -124,7 +126,7 @@ def test_nothing_acknowledged_is_lost_when_the_database_is_killed(tmp_path: Path
 
     with postgres() as store, served("--store", store, "--quota", 100_000) as manager:
         asyncio.run(rate(manager.port))
-        (tmp_path / "export.csv").write_text(httpx2.get(f"{manager.url}/ratings").text)
+        TrustClient(manager.url).export(tmp_path / "export.csv")
     assert check_export(tmp_path / "export.csv", raters) > RATERS
     assert sum(rater.refusals for rater in raters) >= CRASHES
 

@@ -35,7 +35,7 @@ def export(tmp_path: Path) -> Path:
                 requests += [Request(Rating, tokens)] if tokens else []
             assert all(isinstance(answer, list) for answer in manager.take(requests))
             clock.now += 10.001  # events differ by microseconds
-        (tmp_path / "ratings.csv").write_text("".join(manager.export()))
+        (tmp_path / "ratings.csv").write_text(manager.export()[0])
     return tmp_path / "ratings.csv"
 
 

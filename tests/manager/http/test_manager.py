@@ -54,7 +54,7 @@ def standings(manager: OneByOne) -> dict[str, tuple[object, ...]]:
 
 def as_rated(manager: OneByOne, path: Path, model: str) -> None:
     """Check that trust is that of `roletrust rate` on the export."""
-    path.write_text("".join(manager.export(counted=True)))
+    path.write_text(manager.export(counted=True)[0])
     settings = manager.settings
     log = read(path, scale=settings.scale, same_agents=settings.same_agents)
     rated = rate(log, model=model, every=settings.every)
@@ -417,7 +417,7 @@ def test_a_batch_that_breaks_leaves_nothing_behind(tmp_path: Path, monkeypatch: 
             with pytest.raises(ZeroDivisionError):
                 manager.take([Request(Rating, [one])])
         manager.rate([other])
-        assert "".join(manager.export()).splitlines()[1].startswith("bob,ann,1.0,")
+        assert manager.export()[0].splitlines()[1].startswith("bob,ann,1.0,")
         assert manager.about()["ratings"] == 1
 
 
