@@ -61,9 +61,9 @@ def read_checkpoint(text: str, public_key: Ed25519PublicKey) -> Checkpoint:
         ValueError: The text is not such a checkpoint, the key has not signed it, one of its
             signatures is wrong, or anybody could have signed it, see `is_forgeable`.
     """
-    body, separator, signatures = text.rpartition("\n\n")
+    body, _, signatures = text.rpartition("\n\n")
     lines = body.split("\n")
-    if not separator or len(lines) != 3 or not signatures.endswith("\n"):
+    if len(lines) != 3 or not signatures.endswith("\n"):
         raise ValueError(
             "a checkpoint has the lines origin, size, root, an empty line and signatures, got "
             f"{short(repr(text))}"

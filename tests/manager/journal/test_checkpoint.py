@@ -52,9 +52,11 @@ def test_sizes_return(size):
 def test_signatures_of_other_keys_are_ignored():
     witness = signature_line(BODY, "witness.example/w", OTHER)
     namesake = signature_line(BODY, key=OTHER)
-    wrong = signature_line("other\n", "witness.example/w", OTHER)
+    wrong = signature_line("another text\n", "witness.example/w", OTHER)
     own = signature_line(BODY)
-    for lines in (witness + own, own + witness, namesake + own, wrong + own, own + own):
+    same_id = own.replace("roletrust/trust", "witness.example/w")
+    others = witness + namesake + wrong + same_id
+    for lines in (others + own, own + others, own + own):
         assert read_checkpoint(f"{BODY}\n{lines}", PUBLIC) == CHECKPOINT
 
 
@@ -65,6 +67,8 @@ def test_a_checkpoint_of_another_key_is_refused():
     known = f"roletrust/trust+{key_id}"
     with refuses(ValueError, known):
         read_checkpoint(text, PUBLIC)
+    with refuses(ValueError, known):  # the same signature, but under another name
+        read_checkpoint(signed(BODY).replace("— roletrust/trust", "— roletrust/other"), PUBLIC)
     with refuses(ValueError, known):  # the same key, but another name
         read_checkpoint(f"{BODY}\n{signature_line(BODY, 'roletrust/other')}", PUBLIC)
 

@@ -205,6 +205,15 @@ def test_a_proof_of_another_length_is_refused(size, data):
     assert not verify_consistency(-1, size, root, root, consistency)
 
 
+def test_a_root_of_another_size_is_refused():
+    left, right, root = (bytes.fromhex(node) for node in (LEAF_0, LEAF_1, ROOTS[2]))
+    assert verify_inclusion(right, 1, 2, [left], root)
+    assert not verify_inclusion(right, 0, 1, [left], root)
+    assert verify_consistency(1, 2, left, root, [right])
+    assert not verify_consistency(2, 1, left, root, [right])
+    assert not verify_consistency(6, 4, left, root, [left, right])
+
+
 def test_a_boundary_between_hashes_cannot_be_moved():
     tree = tree_of(LEAVES[:2])
     pair = tree.leaves
