@@ -19,7 +19,7 @@ from mcp.client import Client
 from mcp.client.stdio import StdioServerParameters
 from mcp.server import MCPServer
 
-from roletrust_manager.http.client import TrustClient, UnreachableError
+from roletrust_manager.http.client import TrustClient
 
 WORKERS = {"bob": 1.0, "eve": 0.3}
 """Probability that a worker is right, by its name."""
@@ -97,12 +97,14 @@ def main(arguments: list[str] | None = None) -> list[str]:
     try:
         with TrustClient(given.url, patience_s=3) as reader:
             reader.about()
-    except (UnreachableError, ValueError) as error:
+        if given.work:
+            work(given.url, given.keys, given.work)
+            return []
+        return asyncio.run(delegate(given.url, given.keys, given.tasks, given.pause))
+    except (OSError, ValueError, RuntimeError, ExceptionGroup) as error:
+        while isinstance(error, ExceptionGroup):  # of the connections to the processes
+            error = error.exceptions[0]
         sys.exit(str(error))
-    if given.work:
-        work(given.url, given.keys, given.work)
-        return []
-    return asyncio.run(delegate(given.url, given.keys, given.tasks, given.pause))
 
 
 if __name__ == "__main__":

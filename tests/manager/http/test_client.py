@@ -112,50 +112,50 @@ def test_a_restart_is_waited_for(tmp_path, clock):
             assert bob.about().agents == 2
 
 
-class Restart:
-    """A manager that refuses connections until a time of a fake clock, which starts at 0.
+@pytest.fixture
+def restart(monkeypatch):
+    """Make clients of a manager that refuses connections until a time of a fake clock."""
 
-    Attributes:
-        now: Time, seconds.
-        requests: Times of the requests.
-    """
+    class Restart:
+        """A client whose clock starts at 0, and the times of its requests."""
 
-    def __init__(self, client_, monkeypatch, until_s):
-        self.now, self.requests, request = 0.0, [], client_._http.request
+        def __init__(self, patience_s, until_s):
+            self.client = TrustClient("http://127.0.0.1:9", patience_s=patience_s)
+            self.until_s, self.now, self.requests = until_s, 0.0, []
+            fake = SimpleNamespace(monotonic=lambda: self.now, sleep=self.sleep)
+            monkeypatch.setattr(client, "time", fake)
+            monkeypatch.setattr(self.client._http, "request", self.request)
 
-        def requested(*arguments, **options):
+        def request(self, *_, **__):
             self.requests.append(self.now)
-            if self.now < until_s:
+            if self.now < self.until_s:
                 raise httpx2.ConnectError("refused")
-            return request(*arguments, **options)
+            return httpx2.Response(200, json={"refusals": {"replayed": 3}})
 
-        def sleep(seconds):
+        def sleep(self, seconds):
             assert seconds > 0
             self.now += seconds
 
-        fake = SimpleNamespace(**vars(time) | {"monotonic": lambda: self.now, "sleep": sleep})
-        monkeypatch.setattr(client_._http, "request", requested)
-        monkeypatch.setattr(client, "time", fake)
+    return Restart
 
 
 @pytest.mark.parametrize(
     ("patience_s", "until_s"), [(0.1, 0.05), (3, 2.5), (3, 2.95), (15, 14.5), (50, 49)]
 )
-def test_a_client_waits_for_its_whole_patience(ann, monkeypatch, patience_s, until_s):
-    ann._patience_s = patience_s
-    restart = Restart(ann, monkeypatch, until_s)
-    assert ann.about().agents == 2
-    assert until_s <= restart.now <= patience_s
+def test_a_client_waits_for_its_whole_patience(restart, patience_s, until_s):
+    manager = restart(patience_s, until_s)
+    with manager.client as reader:
+        assert reader.refusals().refusals == {"replayed": 3}
+    assert until_s <= manager.now <= patience_s
 
 
 @pytest.mark.parametrize(("patience_s", "most"), [(0.1, 2), (3, 12), (15, 20), (50, 40)])
-def test_a_client_gives_up_when_its_patience_ends(ann, monkeypatch, patience_s, most):
-    ann._patience_s = patience_s
-    restart = Restart(ann, monkeypatch, float("inf"))
-    with refuses(UnreachableError, ann.url):
-        ann.about()
-    assert restart.now == pytest.approx(patience_s)
-    assert len(restart.requests) <= most
+def test_a_client_gives_up_when_its_patience_ends(restart, patience_s, most):
+    manager = restart(patience_s, float("inf"))
+    with manager.client as reader, refuses(UnreachableError, reader.url):
+        reader.refusals()
+    assert manager.now == pytest.approx(patience_s)
+    assert len(manager.requests) <= most
 
 
 def test_more_work_than_a_client_does_is_refused(ann, monkeypatch):
