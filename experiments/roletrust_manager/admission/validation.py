@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from threading import Lock
 from typing import NamedTuple, Protocol
 
 from roletrust_manager.team import Team
@@ -32,12 +33,38 @@ class Envelope(NamedTuple):
         stamp: Time stamp, nanoseconds.
         signed: Bytes that the signature covers.
         signature: Signature; empty if there is none.
+        nonce: Text that only one message of a stamp has; empty if no other may have the stamp.
     """
 
     sender: str
     stamp: int
     signed: bytes = b""
     signature: bytes = b""
+    nonce: str = ""
+
+
+class LastStamp(NamedTuple):
+    """The last stamp of a sender.
+
+    Attributes:
+        stamp: Time stamp, nanoseconds.
+        nonces: Nonces of the messages with that stamp.
+    """
+
+    stamp: int
+    nonces: frozenset[str] = frozenset()
+
+
+def following(last: LastStamp | None, envelope: Envelope) -> LastStamp | None:
+    """Return the last stamp of a sender after another message; None if the message is not new: it
+    is not later, nor of the same stamp with another nonce.
+    """
+    nonces = frozenset({envelope.nonce} - {""})
+    if last is None or envelope.stamp > last.stamp:
+        return LastStamp(envelope.stamp, nonces)
+    if envelope.stamp < last.stamp or not last.nonces or nonces <= last.nonces:
+        return None
+    return LastStamp(envelope.stamp, last.nonces | nonces)
 
 
 class RatingMessage(NamedTuple):
@@ -170,6 +197,15 @@ class NewcomerLimit:
         self._most, self._period = most, period
         self._start, self._joined = 0, 0
 
+    @property
+    def state(self) -> tuple[int, int]:
+        """Start of the running period, nanoseconds, and number of its newcomers so far."""
+        return self._start, self._joined
+
+    @state.setter
+    def state(self, state: tuple[int, int]) -> None:
+        self._start, self._joined = state
+
     def admits(self, now: int) -> bool:
         """Return whether a newcomer may join, which counts then.
 
@@ -254,21 +290,29 @@ class MessageValidator:
         admission: Membership | None = None,
         members: Container[str] = (),
     ) -> None:
-        self._limits, self._keyring, self._last_stamps = limits, keyring, dict(last_stamps or {})
+        self._limits, self._keyring = limits, keyring
+        self._last = {name: LastStamp(stamp) for name, stamp in (last_stamps or {}).items()}
         self._admission, self._members = admission, members
+        self._counting = Lock()
         self.refusals: Counter[tuple[str, RefusalReason]] = Counter()
 
     @property
     def last_stamps(self) -> dict[str, int]:
         """Last accepted stamp of each sender, nanoseconds."""
-        return dict(self._last_stamps)
+        return {name: last.stamp for name, last in self._last.items()}
+
+    @property
+    def last(self) -> dict[str, LastStamp]:
+        """Last accepted stamp of each sender, with its nonces."""
+        return dict(self._last)
 
     def refuse(self, sender: str, reason: RefusalReason, count: int = 1) -> None:
         """Count a refusal, such as that of a message that cannot be read."""
-        keyless = sender in self._last_stamps or sender in self._members
+        keyless = sender in self._last or sender in self._members
         known = keyless if self._keyring is None else sender in self._keyring
-        named = known and ((sender, reason) in self.refusals or len(self.refusals) < _REMEMBERED)
-        self.refusals[sender if named else "", reason] += count
+        with self._counting:
+            named = (sender, reason) in self.refusals or len(self.refusals) < _REMEMBERED
+            self.refusals[sender if known and named else "", reason] += count
 
     def accepts(self, envelope: Envelope, now: int) -> bool:
         """Return whether a message is valid; a refusal is counted.
@@ -280,23 +324,29 @@ class MessageValidator:
         if reason := self.error(envelope, now):
             self.refuse(envelope.sender, reason)
             return False
-        self.remember(envelope.sender, envelope.stamp)
+        self.remember(envelope)
         return True
 
-    def last_stamp(self, sender: str) -> int:
-        """Return the last accepted stamp of a sender; -1 if there is none."""
-        return self._last_stamps.get(sender, -1)
-
-    def remember(self, sender: str, stamp: int | None) -> int | None:
-        """Set the last accepted stamp of a sender, None for none so far, and return the one before
-        it.
+    def is_new(self, envelope: Envelope) -> bool:
+        """Return whether a message is later than the last one of its sender, or has the same stamp
+        and another nonce.
         """
-        before = self._last_stamps.pop(sender, None)
-        if stamp is not None:
-            self._last_stamps[sender] = stamp  # the newest last
-        if self._keyring is None and len(self._last_stamps) > _REMEMBERED:
-            del self._last_stamps[next(iter(self._last_stamps))]
+        return following(self._last.get(envelope.sender), envelope) is not None
+
+    def remember(self, envelope: Envelope) -> LastStamp | None:
+        """Remember the stamp of a message, and return the last one of its sender before it."""
+        before = self._last.get(envelope.sender)
+        after = following(before, envelope) or LastStamp(envelope.stamp)  # a clock has gone back
+        self.put_back(envelope.sender, after)
         return before
+
+    def put_back(self, sender: str, last: LastStamp | None) -> None:
+        """Set the last stamp of a sender; None for none so far."""
+        self._last.pop(sender, None)
+        if last is not None:
+            self._last[sender] = last  # the newest last
+        if self._keyring is None and len(self._last) > _REMEMBERED:
+            del self._last[next(iter(self._last))]
 
     def accepted_ratings(
         self, message: RatingMessage, providers: Container[str], now: int
@@ -330,18 +380,10 @@ class MessageValidator:
             envelope: Origin of the message.
             now: Time of arrival, nanoseconds.
         """
-        limits, last = self._limits, self._last_stamps.get(envelope.sender)
         if self._keyring is not None and envelope.sender not in self._keyring:
             return RefusalReason.UNKNOWN
-        if envelope.stamp > now + limits.tolerance:
-            return RefusalReason.FUTURE
-        if envelope.stamp < now - limits.tolerance:
-            return RefusalReason.PAST
-        if last is not None and last > now + limits.set_back:
-            if self._keyring is not None:
-                return RefusalReason.CLOCK
-        elif last is not None and envelope.stamp < last + limits.min_gap:
-            return RefusalReason.TOO_SOON if envelope.stamp > last else RefusalReason.REPLAYED
+        if reason := self.stamp_error(envelope, now):
+            return reason
         if self._keyring is not None and not envelope.signature:
             return RefusalReason.UNSIGNED
         if not is_genuine(envelope, self._keyring):
@@ -349,6 +391,20 @@ class MessageValidator:
         if self._admission is not None and not self._admission.admits(envelope.sender, now):
             return RefusalReason.CROWDED
         return None
+
+    def stamp_error(self, envelope: Envelope, now: int) -> RefusalReason | None:
+        """Return the reason why the stamp of a message is refused, see `error`."""
+        limits, last = self._limits, self._last.get(envelope.sender)
+        if envelope.stamp > now + limits.tolerance:
+            return RefusalReason.FUTURE
+        if envelope.stamp < now - limits.tolerance:
+            return RefusalReason.PAST
+        if last is not None and last.stamp > now + limits.set_back:
+            return None if self._keyring is None else RefusalReason.CLOCK
+        if self.is_new(envelope):
+            is_soon = last is not None and last.stamp < envelope.stamp < last.stamp + limits.min_gap
+            return RefusalReason.TOO_SOON if is_soon else None
+        return RefusalReason.REPLAYED
 
 
 def rating_error(

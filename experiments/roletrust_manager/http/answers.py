@@ -49,11 +49,20 @@ class TokenReceipts(_Message):
     """Receipts, in the order of the tokens."""
 
 
+class Proof(_Message):
+    """Proof about the journal."""
+
+    hashes: list[Annotated[str, Field(pattern="^[0-9a-f]{64}$")]]
+    """Hashes in hexadecimal, in the order of RFC 6962."""
+
+
 class About(_Message):
     """Description of a manager, its settings and its state."""
 
     name: Name
     """Name of the manager, to which tokens are addressed (`aud`)."""
+    key: str
+    """Key by which it signs checkpoints, as NAME+ID+KEY (C2SP signed-note)."""
     model: str
     """Trust model, as `roletrust list models` names it."""
     every: Annotated[float, Field(gt=0)]

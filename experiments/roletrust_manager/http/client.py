@@ -252,18 +252,15 @@ class TrustClient:
             UnreachableError: There is no answer, or it breaks off. Then the file is as before.
             OSError: The file cannot be written.
         """
+        following: str | None = "/ratings"
         try:
-            with (
-                replacing(path) as unfinished,
-                self._http.stream(
-                    "GET", f"{self.url}/ratings", timeout=self._patience_s
-                ) as response,
-                unfinished.open("wb") as file,
-            ):
-                if not response.is_success:
-                    response.read()
-                    raise self._failure(response)
-                file.writelines(response.iter_bytes())
+            with replacing(path) as unfinished, unfinished.open("wb") as file:
+                while following is not None:
+                    response = self._http.get(f"{self.url}{following}", timeout=self._patience_s)
+                    if not response.is_success:
+                        raise self._failure(response)
+                    file.write(response.content)
+                    following = response.links.get("next", {}).get("url")
         except httpx2.HTTPError as error:
             raise self._unreachable(error) from None
 

@@ -83,6 +83,9 @@ def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
+_Number = Annotated[int, Query(ge=1, lt=2**63)]
+
+
 class Endpoints:
     """The endpoints of a manager.
 
@@ -197,6 +200,30 @@ class Endpoints:
         """
         return await self._page(lambda: self._manager.export(after, limit, counted=counted))
 
+    async def journal(
+        self,
+        after: Annotated[int, Query(ge=0, lt=2**63)] = 0,
+        limit: Annotated[int, Query(ge=1, le=MOST_ROWS)] = MOST_ROWS,
+    ) -> Response:
+        """Export a page of all tokens as CSV, by which anybody can check trust and checkpoints. The
+        header `Link` has the next page, if there is one.
+        """
+        return await self._page(lambda: self._manager.journal(after, limit))
+
+    async def checkpoint(self) -> PlainTextResponse:
+        """Sign the number of events and the root hash of the journal, as a checkpoint of a
+        transparency log (C2SP tlog-checkpoint).
+        """
+        return PlainTextResponse(self._manager.checkpoint())
+
+    async def inclusion(self, seq: _Number, size: _Number) -> answers.Proof:
+        """Prove that an event is among the first events of the journal (RFC 6962)."""
+        return _proof(self._manager.inclusion, seq, size)
+
+    async def consistency(self, old: _Number, new: _Number) -> answers.Proof:
+        """Prove that the journal of a size begins with that of a smaller one (RFC 6962)."""
+        return _proof(self._manager.consistency, old, new)
+
     async def _page(self, read: Callable[[], tuple[str, int | None]]) -> Response:
         """Return a page of a table, of which only a few are under way at once."""
         if self._pages >= _MOST_PAGES:
@@ -282,7 +309,7 @@ async def _parts(data: bytes) -> AsyncIterator[bytes]:
         yield data[at : at + _PART]
 
 
-class TablePage(StreamingResponse):
+class TablePage(StreamingResponse):  # type: ignore[misc]
     """A page of CSV, which is sent as fast as it is read.
 
     Args:
@@ -404,6 +431,18 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
         responses=_text("text/event-stream"),
         response_class=StreamingResponse,
     )
+    add(
+        "GET",
+        "/journal",
+        ends.journal,
+        422,
+        503,
+        responses=_text("text/csv"),
+        response_class=StreamingResponse,
+    )
+    add("GET", "/checkpoint", ends.checkpoint, response_class=PlainTextResponse)
+    add("GET", "/inclusion", ends.inclusion, 422)
+    add("GET", "/consistency", ends.consistency, 422)
     add("GET", "/refusals", ends.refusals)
     if rounds is not None:
         add("POST", "/rounds", ends.play_rounds, include_in_schema=False)
@@ -459,6 +498,18 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
     ):
         app.add_exception_handler(kind, handler)
     return app
+
+
+def _proof(prove: Callable[[int, int], list[bytes]], one: int, other: int) -> answers.Proof:
+    """Return a proof about two numbers of events.
+
+    Raises:
+        HTTPException: There are fewer events, or the first number is the larger one.
+    """
+    try:
+        return answers.Proof(hashes=[node.hex() for node in prove(one, other)])
+    except ValueError as error:
+        raise HTTPException(422, str(error)) from None
 
 
 def _text(kind: str, status: int = 200) -> dict[int | str, Any]:

@@ -2,6 +2,8 @@
 else.
 """
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,10 +22,8 @@ from roletrust_env.trust.grid_run import check_grid_memory
 from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.model import TrustModel
 from roletrust_env.trust.run import make_run
+from roletrust_manager.http.requests import MICROSECONDS
 from roletrust_manager.journal.sql import JournalStore, events
-
-SECOND = 1_000_000
-"""Microseconds, in which the journal has times."""
 
 _ROLES: tuple[Role, ...] = ("ratee", "rater")
 _FAR = MOST - 2  # rounds without a rating after which none can be taken
@@ -66,6 +66,26 @@ class RoundEnd(NamedTuple):
     time: float
     provider: dict[str, float]
     rater: dict[str, float]
+
+
+class StoredTrust(NamedTuple):
+    """All that `JournalTrust` keeps.
+
+    Attributes:
+        rounds: Number of rounds that have ended.
+        counted: Number of the last event that counts.
+        n_counted: Number of ratings that count.
+        start: Time of the first rating, nanoseconds; None without ratings.
+        first: Time of the first rating that does not count yet.
+        stream: File of the stream, see `TrustStream.save`; empty for a model that is played anew.
+    """
+
+    rounds: int
+    counted: int
+    n_counted: int
+    start: int | None
+    first: int | None
+    stream: bytes = b""
 
 
 class Ranking:
@@ -137,15 +157,15 @@ class JournalTrust:
         self._length = nanoseconds("every", every)
         self._store, self._model = store, model
         self._every, self._scale, self._same_agents = every, scale, same_agents
+        self._settings: dict[str, Any] = {
+            "every": every,
+            "scale": scale,
+            "same_agents": same_agents,
+            "keep_evidence": True,
+        }
         self._stream = None
         if runs_on_edges(self._model):
-            settings: Any = {
-                "every": every,
-                "scale": scale,
-                "same_agents": same_agents,
-                "keep_evidence": True,
-            }
-            self._stream = TrustStream(self._model, **settings)
+            self._stream = TrustStream(self._model, **self._settings)
         self.rounds = self.counted = self.n_counted = 0
         self.rates_raters: bool = self._model.rates_raters
         newcomer = make_run(self._model, (1, 1), one_role=not same_agents)
@@ -156,6 +176,33 @@ class JournalTrust:
         self._start: int | None = None  # time of the first rating, nanoseconds
         self._first: int | None = None  # of the first that does not count yet
         self.rankings: dict[Role, Ranking] = {"ratee": Ranking(), "rater": Ranking()}
+
+    def save(self) -> StoredTrust:
+        """Return all that is kept."""
+        stream = b""
+        if self._stream is not None:
+            with TemporaryDirectory() as folder:
+                self._stream.save(Path(folder) / "stream")
+                stream = (Path(folder) / "stream").read_bytes()
+        at = (self.rounds, self.counted, self.n_counted)
+        return StoredTrust(*at, self._start, self._first, stream)
+
+    def load(self, stored: StoredTrust) -> None:
+        """Go on from what was kept, with the same model and settings.
+
+        Raises:
+            ValueError: The stream is of another model, or of another version.
+            StoreError: The journal cannot be read.
+        """
+        self.rounds, self.counted, self.n_counted, self._start, self._first, stream = stored
+        if self._stream is not None:
+            with TemporaryDirectory() as folder:
+                (Path(folder) / "stream").write_bytes(stream)
+                self._stream = TrustStream.load(
+                    Path(folder) / "stream", self._model, **self._settings
+                )
+        if self.rounds:
+            self._rank()
 
     def fits(self, agents: int) -> bool:
         """Return whether the model has room for so many agents."""
@@ -172,9 +219,14 @@ class JournalTrust:
         """
         return self._start is None or time * 1e9 <= self._furthest
 
+    def is_over(self, now: int) -> bool:
+        """Return whether the running round is over at a time, microseconds. Any thread may ask."""
+        first = self._first
+        return first is not None and self._round(now * 1000) > self._round(first)
+
     def expect(self, time: float) -> None:
         """Take note that the journal has ratings from a time on."""
-        first = round(time * SECOND) * 1000
+        first = round(time * MICROSECONDS) * 1000
         self._start = first if self._start is None else self._start
         self._first = first if self._first is None else self._first
 
@@ -192,7 +244,8 @@ class JournalTrust:
             return None
         if (running := self._round(round(now * 1e9))) <= self._round(self._first):
             return None
-        before, self._first, number = self.rankings, None, self.n_counted
+        before, number = self.rankings, self.n_counted
+        first = None
         for rows in self._store.blocks(self._ratings()):
             times = np.array([row.time for row in rows]) * 1000
             ended = int(np.searchsorted(self._rounds(times), running))
@@ -204,18 +257,10 @@ class JournalTrust:
                     )
                 self.counted, number = rows[ended - 1].seq, number + ended
             if ended < len(rows):
-                self._first = int(times[ended])
+                first = int(times[ended])
                 break
-        rounds, evidence_of = (
-            self._played_all() if self._stream is None else self._finished(self._stream)
-        )
-        self.rankings = {
-            role: Ranking(role_evidence) for role, role_evidence in evidence_of.items()
-        }
-        self.rounds, self.n_counted = (
-            rounds,
-            number,
-        )  # last: they tell other threads that the trust is there
+        rounds, self._first = self._rank(), first
+        self.rounds, self.n_counted = rounds, number  # last: other threads see that trust is there
         provider, rater = (
             {
                 name: trust
@@ -226,14 +271,14 @@ class JournalTrust:
         )
         return RoundEnd(self.rounds, now, provider, rater)
 
-    def _finished(self, stream: TrustStream) -> tuple[int, dict[Role, Evidence]]:
+    def _rank(self) -> int:
+        """Rank the agents by the ratings that count, and return the number of rounds."""
+        stream = self._stream or TrustStream.of_log(
+            self._model, self._log(), every=self._every, keep_evidence=True
+        )
         stream.finish()
-        return stream.rounds, {role: stream.evidence(role) for role in _ROLES}
-
-    def _played_all(self) -> tuple[int, dict[Role, Evidence]]:
-        log = self._log()
-        stream = TrustStream.of_log(self._model, log, every=self._every, keep_evidence=True)
-        return self._finished(stream)
+        self.rankings = {role: Ranking(stream.evidence(role)) for role in _ROLES}
+        return stream.rounds
 
     def standing(self, name: str, role: Role) -> Standing:
         """Return the standing of an agent in a role."""

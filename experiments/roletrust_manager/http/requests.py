@@ -9,6 +9,9 @@ from roletrust_manager.admission.keys import is_forgeable
 from roletrust_manager.admission.validation import Envelope, RefusalReason
 from roletrust_manager.http.tokens import Claims, Registration, key_as_text, key_of_text
 
+MICROSECONDS = 1_000_000
+"""Microseconds of a second, in which the journal has times."""
+
 _WHY = {
     RefusalReason.ELSEWHERE: "the token of {} is not for this place",
     RefusalReason.UNKNOWN: "{} is not registered here",
@@ -80,6 +83,20 @@ class Request(NamedTuple):
     name: str | None = None
 
 
+class Checked(NamedTuple):
+    """A request whose tokens are valid, as far as that does not depend on requests before it.
+
+    Attributes:
+        name: Agent that has signed them.
+        digest: SHA-256 of them.
+        signed: The tokens; none if they are the last request of the agent, sent again.
+    """
+
+    name: str
+    digest: str
+    signed: tuple[Signed, ...] = ()
+
+
 class Receipt(NamedTuple):
     """Acknowledgement of a token.
 
@@ -90,6 +107,27 @@ class Receipt(NamedTuple):
 
     seq: int
     time: float
+
+
+class LastRequest(NamedTuple):
+    """The last request of an agent, which may be sent again.
+
+    Attributes:
+        first: Number of its first event.
+        size: Number of its events.
+        time: Time of arrival, microseconds.
+        digest: SHA-256 of its tokens.
+    """
+
+    first: int
+    size: int
+    time: int
+    digest: str
+
+    @property
+    def receipts(self) -> list[Receipt]:
+        """Acknowledgements of its tokens."""
+        return [Receipt(self.first + n, self.time / MICROSECONDS) for n in range(self.size)]
 
 
 class RefusedError(Exception):

@@ -52,7 +52,8 @@ class Claims(BaseModel):
         exp: Time at which the token expires, seconds since 1970; None for a token that does not.
         nbf: Time from which the token is valid, seconds since 1970; None for a token that is always
             valid before `exp`.
-        jti: Identifier of the token, which the manager does not interpret.
+        jti: Identifier of the token, by which tokens of the same `iat` differ, such as one in whole
+            seconds.
     """
 
     model_config = ConfigDict(strict=True, frozen=True)
@@ -115,9 +116,8 @@ def sign_token(claims: Claims, key: Ed25519PrivateKey) -> str:
 def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
     """Return the claims of a token of some kind, and its origin.
 
-    It checks the form only: `MessageValidator` verifies the signature, and `claims_are_current` the
-    times `exp` and `nbf`. The three parts must be canonical base64url without padding, so that a
-    token has one spelling.
+    It checks the form only, neither the signature nor the times. The three parts must be canonical
+    base64url without padding, so that a token has one spelling.
 
     Raises:
         ValueError: The text is not such a token, or its claims are not those of the kind.
@@ -143,17 +143,7 @@ def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
     except jwt.InvalidTokenError as error:
         raise ValueError(f"there is no signed JSON Web Token: {error}") from None
     signed = token.rpartition(".")[0].encode()
-    return claims, Envelope(claims.iss, claims.stamp, signed, parts["signature"])
-
-
-def claims_are_current(claims: Claims, now: float) -> bool:
-    """Return whether a token is valid at a time: not before its `nbf`, and before its `exp`.
-
-    Args:
-        claims: Claims of the token.
-        now: Time, seconds since 1970.
-    """
-    return (claims.nbf is None or claims.nbf <= now) and (claims.exp is None or now < claims.exp)
+    return claims, Envelope(claims.iss, claims.stamp, signed, parts["signature"], claims.jti or "")
 
 
 def _is_canonical(part: str) -> bool:

@@ -6,11 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 from roletrust_manager.http.manager import TrustManager
-from roletrust_manager.http.requests import Receipt, RefusedError, Request
+from roletrust_manager.http.requests import Checked, Receipt, RefusedError, Request
 from roletrust_manager.journal.sql import StoreError
 
 MAX_WAITING = 10_000
 """Number of requests that may wait."""
+
+_FEW = 4  # tokens that are checked at once; more would let all others wait
 
 _Value = TypeVar("_Value")
 _Answer = list[Receipt] | RefusedError | StoreError
@@ -21,7 +23,8 @@ class BusyError(Exception):
 
 
 class RequestWriter:
-    """Hands requests to a manager, in a thread of its own, all that wait at once.
+    """Hands requests to a manager, in a thread of its own, all that wait at once, after the checks
+    that need no turn.
 
     So the disk is waited for once for many requests, the more the busier it is (group commit:
     DeWitt et al., "Implementation Techniques for Main Memory Database Systems", 1984).
@@ -30,7 +33,8 @@ class RequestWriter:
     def __init__(self, manager: TrustManager) -> None:
         self._manager = manager
         self._thread = ThreadPoolExecutor(1, "writer")
-        self._waiting: list[tuple[Request, asyncio.Future[_Answer]]] = []
+        self._checker = ThreadPoolExecutor(1, "checker")
+        self._waiting: list[tuple[Checked, asyncio.Future[_Answer]]] = []
         self._task: asyncio.Task[None] | None = None
 
     async def take(self, request: Request) -> list[Receipt]:
@@ -43,8 +47,13 @@ class RequestWriter:
         """
         if len(self._waiting) >= MAX_WAITING:
             raise BusyError
-        future: asyncio.Future[_Answer] = asyncio.get_running_loop().create_future()
-        self._waiting.append((request, future))
+        loop = asyncio.get_running_loop()
+        if len(request.tokens) <= _FEW:
+            checked = self._manager.check(request)
+        else:
+            checked = await loop.run_in_executor(self._checker, self._manager.check, request)
+        future: asyncio.Future[_Answer] = loop.create_future()
+        self._waiting.append((checked, future))
         if self._task is None:
             self._task = asyncio.create_task(self._work())
         answer = await future
@@ -57,7 +66,8 @@ class RequestWriter:
         return await asyncio.get_running_loop().run_in_executor(self._thread, work)
 
     def close(self) -> None:
-        """End the thread, after what it does."""
+        """End the threads, after what they do."""
+        self._checker.shutdown()
         self._thread.shutdown()
 
     async def _work(self) -> None:

@@ -106,6 +106,20 @@ def verifier_key(name: str, public_key: Ed25519PublicKey) -> str:
     return f"{name}+{_key_id(name, public_key).hex()}+{encoded}"
 
 
+def read_verifier_key(text: str) -> Ed25519PublicKey:
+    """Return the public key of a text that `verifier_key` has made.
+
+    Raises:
+        ValueError: The text is none, or is of another kind of key.
+    """
+    name, _, rest = text.partition("+")
+    data = _decode(rest.partition("+")[2])
+    key = Ed25519PublicKey.from_public_bytes(data[1:]) if len(data) == 33 else None
+    if key is None or verifier_key(name, key) != text:
+        raise ValueError(f"a key is NAME+ID+KEY of ed25519, got {short(repr(text))}")
+    return key
+
+
 def _key_id(name: str, public_key: Ed25519PublicKey) -> bytes:
     """Return SHA-256(name || 0x0A || 0x01 || public key)[:4]."""
     data = name.encode() + b"\n" + _ED25519 + public_key.public_bytes_raw()

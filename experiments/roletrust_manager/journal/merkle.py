@@ -48,9 +48,31 @@ class MerkleTree:
         return len(self._levels[0]) // HASH_SIZE
 
     @property
-    def leaves(self) -> bytes:
-        """Hashes of all leaves, one after another."""
-        return bytes(self._levels[0])
+    def hashes(self) -> bytes:
+        """Hashes of all complete subtrees, level by level from the leaves on, for `restored`."""
+        return b"".join(self._levels)
+
+    @classmethod
+    def restored(cls, hashes: bytes, size: int) -> "MerkleTree":
+        """Return the tree of so many leaves from all that it stores, which is believed.
+
+        Raises:
+            ValueError: The number of bytes is not that of such a tree.
+        """
+        tree, at = cls(), 0
+        tree._levels = []
+        while count := size >> len(tree._levels):
+            tree._levels.append(bytearray(hashes[at : at + count * HASH_SIZE]))
+            at += count * HASH_SIZE
+        if at != len(hashes):
+            raise ValueError(f"a tree of {size} leaves has {at} bytes, got {len(hashes)}")
+        tree._levels = tree._levels or [bytearray()]
+        return tree
+
+    def truncate(self, size: int) -> None:
+        """Take back the leaves after the first ones."""
+        for height, level in enumerate(self._levels):
+            del level[(size >> height) * HASH_SIZE :]
 
     def append(self, leaf: bytes) -> None:
         """Append a leaf, given as its content."""

@@ -4,10 +4,13 @@ import re
 import secrets
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 from sqlalchemy import (
     URL,
@@ -21,6 +24,8 @@ from sqlalchemy import (
     String,
     Table,
     Text,
+    bindparam,
+    cast,
     create_engine,
     event,
     func,
@@ -29,14 +34,16 @@ from sqlalchemy import (
     make_url,
     select,
     text,
+    update,
 )
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from roletrust_env.errors import short
 from roletrust_manager.admission.keys import NAME, check_name
 from roletrust_manager.journal.held_file import HeldFile
+from roletrust_manager.journal.merkle import MerkleTree
 
-_SCHEMA = 1
+_SCHEMA = 2
 _LOCK = int.from_bytes(b"roletrus")  # the advisory lock of PostgreSQL, one for each database
 _WAIT_S = 3.0  # for the lock of a manager that has just been killed
 
@@ -109,21 +116,23 @@ class JournalStore:
 
     Attributes:
         name: Name of the manager, to which tokens are addressed; empty before the store is opened.
+        path: Path of the file; None in PostgreSQL.
+        key: Key with which the manager signs checkpoints, made with a new store.
 
     Raises:
         ValueError: The address or the name is not valid.
     """
 
     def __init__(self, address: str, name: str | None = None) -> None:
-        self._path: Path | None = None
+        self.path: Path | None = None
         self._file: HeldFile | None = None
         self._connection: Connection | None = None
         self.name, self._wanted = "", name
         if name is not None:
             check_name(name)
         if address and "://" not in address:
-            self._path = Path(address).resolve()  # so that no text stands for a database in memory
-            url, self._shown = URL.create("sqlite", database=str(self._path)), address
+            self.path = Path(address).resolve()  # so that no text stands for a database in memory
+            url, self._shown = URL.create("sqlite", database=str(self.path)), address
         else:
             try:
                 url = make_url(address)
@@ -136,7 +145,7 @@ class JournalStore:
                 )
             url = url.set(drivername="postgresql+psycopg")
         self._engine = create_engine(url, pool_pre_ping=True)
-        if self._path is not None:
+        if self.path is not None:
             event.listen(self._engine, "connect", _durable)
 
     def open(self) -> None:
@@ -148,9 +157,9 @@ class JournalStore:
         """
         if self.name:
             return
-        if self._path is not None:
+        if self.path is not None:
             try:
-                self._file = HeldFile(self._path)
+                self._file = HeldFile(self.path)
             except BlockingIOError:
                 raise self._in_use() from None
             except OSError as error:
@@ -158,7 +167,7 @@ class JournalStore:
         try:
             with self._writer().begin():
                 self.name = self._opened(self._writer())
-            if self._path is not None:  # readers and the writer do not wait for one another then
+            if self.path is not None:  # readers and the writer do not wait for one another then
                 self._writer().exec_driver_sql("pragma journal_mode = wal")
                 self._writer().commit()
         except SQLAlchemyError as error:
@@ -173,7 +182,7 @@ class JournalStore:
         is told.
         """
         existing = set(inspect(connection).get_table_names())
-        if self._path is not None and (others := existing - set(_tables.tables)):
+        if self.path is not None and (others := existing - set(_tables.tables)):
             raise ValueError(
                 f"{self._shown} is a database of another program, with a table {min(others)!r}"
             )
@@ -193,6 +202,8 @@ class JournalStore:
             meta = {
                 "schema": str(_SCHEMA),
                 "manager": self._wanted or f"manager-{secrets.token_hex(4)}",
+                "head": f"0 {MerkleTree().root().hex()}",
+                "key": Ed25519PrivateKey.generate().private_bytes_raw().hex(),
             }
             connection.execute(
                 insert(_meta), [{"name": key, "value": value} for key, value in meta.items()]
@@ -209,20 +220,36 @@ class JournalStore:
                 f"{self._shown} is of the manager {meta['manager']}, not of {self._wanted}; tokens "
                 "name it"
             )
+        try:
+            self.key = Ed25519PrivateKey.from_private_bytes(bytes.fromhex(meta.get("key", "")))
+        except ValueError:
+            raise ValueError(f"{self._shown} is damaged: its key is none") from None
         return meta["manager"]
 
-    def append(self, new: Sequence[Event]) -> None:
+    @property
+    def origin(self) -> str:
+        """Name of the journal in checkpoints."""
+        return f"roletrust/{self.name.replace('+', '%2B')}"
+
+    def append(self, new: Sequence[Event], root: bytes) -> None:
         """Write events in one transaction. They are on the disk then.
 
+        Args:
+            new: Events.
+            root: Root hash of the journal with them, see `MerkleTree`.
+
         Raises:
-            StoreError: They cannot be written; whether they are, `last` will say.
+            StoreError: They cannot be written, or the file was deleted or replaced; whether they
+                are, `last` will say.
         """
+        head = update(_meta).where(_meta.c.name == "head")
         try:
             if self._file is not None:
                 self._file.check()
             connection = self._writer()
             with connection.begin():
                 connection.execute(insert(events), [new_event._asdict() for new_event in new])
+                connection.execute(head.values(value=f"{new[-1].seq} {root.hex()}"))
         except SQLAlchemyError as error:
             if self._connection is not None and self._connection.invalidated:
                 self._release()
@@ -230,14 +257,67 @@ class JournalStore:
         except FileNotFoundError as error:
             raise StoreError(str(error)) from None
 
-    def history(self) -> Iterator[Event]:
-        """Yield all events in order.
+    def check_head(self, seq: int, root: bytes) -> None:
+        """Check that the journal is what was written last.
+
+        Args:
+            seq: Number of the last event.
+            root: Root hash.
+
+        Raises:
+            StoreError: Its last events are missing, or some were altered.
+        """
+        try:
+            with self._engine.connect() as connection:
+                found = select(_meta.c.value).where(_meta.c.name == "head")
+                head = str(connection.execute(found).scalar())
+        except SQLAlchemyError as error:
+            raise self._failed("cannot be read", error) from None
+        if head != f"{seq} {root.hex()}":
+            number = head.partition(" ")[0]
+            missing = number.isdecimal() and int(number) > seq
+            raise self.damaged(
+                seq + missing, "it is missing" if missing else "it or one before it was altered"
+            )
+
+    def digests(self, until: int) -> list[str]:
+        """Return the SHA-256 of each block of events up to a number, all of their columns.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
+        rows = select(events).where(events.c.seq.between(bindparam("a"), bindparam("b")))
+        ordered = rows.order_by(events.c.seq).subquery()
+        columns = [func.coalesce(cast(column, Text), "") for column in ordered.c]
+        joined: Any = columns[0]
+        for column in columns[1:]:
+            joined = joined.concat(" ").concat(column)
+        query = select(func.aggregate_strings(joined, "\n"))
+
+        def digest(first: int) -> str:
+            ends = {"a": first, "b": min(first + BLOCK - 1, until)}
+            with self._engine.connect() as connection:
+                found = connection.execute(query, ends).scalar()
+            return sha256(str(found).encode()).hexdigest()
+
+        try:
+            with ThreadPoolExecutor(2) as pool:  # SQLite and SHA-256 work outside of Python's lock
+                return list(pool.map(digest, range(1, until + 1, BLOCK)))
+        except SQLAlchemyError as error:
+            raise self._failed("cannot be read", error) from None
+
+    def history(self, seq: int = 0, time: int = 0) -> Iterator[Event]:
+        """Yield events in order.
+
+        Args:
+            seq: Number of the event after which they begin.
+            time: Its time.
 
         Raises:
             StoreError: The store cannot be read, or its events are not as a manager writes them.
         """
-        seq = time = 0
-        for block in self.blocks(select(events).order_by(events.c.seq)):
+        query = select(events).where(events.c.seq > seq).order_by(events.c.seq)
+        for block in self.blocks(query):
             try:
                 rows = _events.validate_python([tuple(row) for row in block], strict=True)
             except ValidationError as error:
@@ -299,7 +379,7 @@ class JournalStore:
         """
         if self._connection is None:
             self._connection = self._engine.connect()
-            if self._path is None:
+            if self.path is None:
                 self._lock(self._connection)
         return self._connection
 

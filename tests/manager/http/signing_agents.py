@@ -72,7 +72,7 @@ class OneByOne(TrustManager):
         return self._one(Request(Leave, [token], name))[0]
 
     def _one(self, request: Request) -> list[Receipt]:
-        (answer,) = self.take([request])
+        (answer,) = self.take([self.check(request)])
         if isinstance(answer, Exception):
             raise answer
         return answer

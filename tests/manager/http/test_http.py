@@ -12,7 +12,15 @@ from signing_agents import NAME, Agent, Clock, managed
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.service import TrustService
 from roletrust_manager.http.endpoints import make_app
+from roletrust_manager.journal.checkpoint import read_checkpoint, read_verifier_key
 from roletrust_manager.journal.sql import JournalStore, StoreError
+from roletrust_manager.journal.verify import (
+    HistoryError,
+    check_consistent,
+    check_export,
+    check_receipt,
+    event_leaf,
+)
 
 
 @pytest.fixture
@@ -37,10 +45,13 @@ def registered(client: TestClient, clock: Clock, *names: str) -> list[Agent]:
 
 def test_agents_register_rate_ask_and_leave(client: TestClient, clock: Clock):
     ann, bob, cec = registered(client, clock, "ann", "bob", "cec")
-    receipts = client.post(
+    together = client.post(
         "/ratings", json={"tokens": [ann.rating("bob", 0.9), cec.rating("bob", 0.7)]}
     ).json()
-    assert [one["seq"] for one in receipts["receipts"]] == [4, 5]
+    assert (together["reason"], together["at"]) == ("in the wrong place", 0)
+    for rater, rating in ((ann, 0.9), (cec, 0.7)):
+        receipts = client.post("/ratings", json={"tokens": [rater.rating("bob", rating)]}).json()
+    assert [one["seq"] for one in receipts["receipts"]] == [5]
     assert client.get("/agents/bob").json()["provider"]["rank"] is None
     clock.now += 61
     client.post("/ratings", json={"tokens": [ann.rating("cec", 0.1)]})
@@ -121,7 +132,7 @@ def test_errors_have_one_form_and_are_counted(
         in unknown["detail"]
     )
 
-    def full(store: JournalStore, new: object) -> None:
+    def full(store: JournalStore, *new: object) -> None:
         raise StoreError("/srv/secret is full")
 
     monkeypatch.setattr(JournalStore, "append", full)
@@ -137,6 +148,37 @@ def test_errors_have_one_form_and_are_counted(
         )
         assert "secret" not in answer.text
     assert [record.message for record in caplog.records] == ["/srv/secret is full"]
+
+
+def test_exports_come_in_pages_and_can_be_checked(client: TestClient, clock: Clock):
+    """An agent proves with its receipt that an export lacks its rating."""
+    ann, _ = registered(client, clock, "ann", "bob")
+    for number in range(5):
+        client.post("/ratings", json={"tokens": [ann.rating("bob", number / 4)]})
+    pages, address = [], "/journal?limit=3"
+    while address:
+        answer = client.get(address)
+        pages.append(answer.text)
+        address = answer.links.get("next", {}).get("url")
+    assert [len(page.splitlines()) for page in pages] == [4, 3, 1]
+    rows = [line.split(",") for line in "".join(pages).splitlines()[1:]]
+    assert len(client.get("/ratings?after=5&limit=9").text.splitlines()) == 2
+    leaves = [event_leaf(int(seq), int(time.replace(".", "")), token) for seq, time, token in rows]
+    about, text = client.get("/").json(), client.get("/checkpoint").text
+    key = read_verifier_key(about["key"])
+    checkpoint = read_checkpoint(text, key)
+    assert (checkpoint.origin, checkpoint.size) == (f"roletrust/{NAME}", 7)
+    check_export(leaves, checkpoint)
+    proof = client.get("/inclusion?seq=4&size=7").json()["hashes"]
+    check_receipt(leaves[3], 3, [bytes.fromhex(node) for node in proof], checkpoint)
+    with pytest.raises(HistoryError):
+        check_export([*leaves[:3], *leaves[4:], leaves[3]], checkpoint)
+    client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]})
+    newer = read_checkpoint(client.get("/checkpoint").text, key)
+    nodes = client.get("/consistency?old=7&new=8").json()["hashes"]
+    check_consistent(checkpoint, newer, [bytes.fromhex(node) for node in nodes])
+    for wrong in ("inclusion?seq=9&size=8", "inclusion?seq=1&size=9", "consistency?old=8&new=7"):
+        assert client.get(f"/{wrong}").status_code == 422
 
 
 def test_the_protocol_of_rounds_is_answered_as_ever(client: TestClient):

@@ -32,7 +32,7 @@ def export(tmp_path: Path) -> Path:
                 tokens = [
                     rater.rating(one, 1 + 4 * value) for one, value in zip(rated, seen, strict=True)
                 ]
-                requests += [Request(Rating, tokens)] if tokens else []
+                requests += [manager.check(Request(Rating, tokens))] if tokens else []
             assert all(isinstance(answer, list) for answer in manager.take(requests))
             clock.now += 10.001  # events differ by microseconds
         (tmp_path / "ratings.csv").write_text(manager.export()[0])

@@ -15,7 +15,6 @@ from roletrust_manager.http.tokens import (
     Leave,
     Rating,
     Registration,
-    claims_are_current,
     has_work,
     key_as_text,
     key_of_text,
@@ -53,16 +52,6 @@ def test_a_token_of_another_library_is_read():
     claims, envelope = read_token(token_with(iat=1764181371, task=7), Rating)
     assert claims == RATING.model_copy(update={"iat": 1764181371})
     assert envelope.stamp == 1_764_181_371_000_000_000
-
-
-def test_a_token_is_current_from_nbf_to_before_exp():
-    claims, _ = read_token(token_with(nbf=100, exp=200.5), Rating)
-    assert (claims.nbf, claims.exp) == (100.0, 200.5)
-    for now, current in ((99.9, False), (100.0, True), (200.4, True), (200.5, False)):
-        assert claims_are_current(claims, now) is current
-    assert claims_are_current(RATING, 1e12)
-    assert claims_are_current(RATING.model_copy(update={"nbf": 0.0}), 1e12)
-    assert not claims_are_current(RATING.model_copy(update={"exp": 1}), RATING.iat)
 
 
 def test_optional_claims_are_written_only_if_the_token_has_them():

@@ -10,6 +10,7 @@ from refusals import refuses
 from roletrust_manager.journal.checkpoint import (
     Checkpoint,
     read_checkpoint,
+    read_verifier_key,
     sign_checkpoint,
     verifier_key,
 )
@@ -41,6 +42,10 @@ def test_the_key_of_the_go_library_is_written_as_there():
     published = "PeterNeumann+c74f20a3+ARpc2QcUPDhMQegwxbzhKqiBfsVkmqq/LDE4izWy10TW"
     key = Ed25519PublicKey.from_public_bytes(base64.b64decode(published.split("+", 2)[2])[1:])
     assert verifier_key("PeterNeumann", key) == published
+    assert read_verifier_key(published) == key
+    for wrong in ("", "a+b+c", published[:-4], published.replace("c74", "c75")):
+        with refuses(ValueError):
+            read_verifier_key(wrong)
 
 
 @pytest.mark.parametrize("size", [0, 1, 10**19 - 1])

@@ -171,7 +171,7 @@ def test_any_changed_bit_is_refused(size, data):
     index = data.draw(st.integers(0, size - 1))
     old = data.draw(st.integers(1, size - 1))
     bit = data.draw(st.integers(0, 255))
-    root, hashed, proof = tree.root(), tree.leaves[32 * index :][:32], tree.inclusion(index, size)
+    root, hashed, proof = tree.root(), tree.hashes[32 * index :][:32], tree.inclusion(index, size)
     assert verify_inclusion(hashed, index, size, proof, root)
     assert not verify_inclusion(flipped(hashed, bit), index, size, proof, root)
     assert not verify_inclusion(hashed, index, size, proof, flipped(root, bit))
@@ -192,7 +192,7 @@ def test_a_proof_of_another_length_is_refused(size, data):
     tree = tree_of([str(index).encode() for index in range(size)])
     index = data.draw(st.integers(0, size - 1))
     old = data.draw(st.integers(1, size - 1))
-    root, hashed = tree.root(), tree.leaves[32 * index :][:32]
+    root, hashed = tree.root(), tree.hashes[32 * index :][:32]
     inclusion, consistency = tree.inclusion(index, size), tree.consistency(old, size)
     for change in (lambda proof: proof[:-1], lambda proof: [*proof, root], lambda proof: proof[1:]):
         assert not verify_inclusion(hashed, index, size, change(inclusion), root)
@@ -216,16 +216,20 @@ def test_a_root_of_another_size_is_refused():
 
 def test_a_boundary_between_hashes_cannot_be_moved():
     tree = tree_of(LEAVES[:2])
-    pair = tree.leaves
+    pair = tree.hashes[:64]
     assert verify_inclusion(pair[:32], 0, 2, [pair[32:]], tree.root())
     assert not verify_inclusion(pair[:31], 0, 2, [pair[31:]], tree.root())
 
 
 @pytest.mark.parametrize("size", [0, 1, 2, 3, 8, 39, 64, 100])
-def test_a_tree_continues_from_the_hashes_of_its_leaves(size):
+def test_a_tree_continues_from_what_it_stores_and_takes_leaves_back(size):
     leaves = [str(index).encode() for index in range(120)]
     saved = tree_of(leaves[:size])
-    loaded = MerkleTree(saved.leaves)
+    loaded = MerkleTree.restored(saved.hashes, size)
+    assert len(loaded) == size
+    for leaf in leaves[: size // 2]:
+        loaded.append(leaf)
+    loaded.truncate(size)
     assert len(loaded) == size
     assert loaded.root() == saved.root() == slow_root(leaves[:size])
     for leaf in leaves[size:]:
@@ -266,6 +270,7 @@ def test_what_a_tree_does_not_have_is_refused():
         (("new", "[0, 8]", 9), lambda: tree.consistency(1, 9)),
         (("old", "[0, 4]", 5), lambda: tree.consistency(5, 4)),
         (("leaves", 32, 33), lambda: MerkleTree(bytes(33))),
+        (("3", 128, 96), lambda: MerkleTree.restored(bytes(96), 3)),
     ):
         with refuses(ValueError, *words):
             call()

@@ -50,7 +50,7 @@ class Timeline(NamedTuple):
         round.
         """
         running = self.round(clock.now())
-        if 0 <= after and running < after - 1:
+        if after >= 0 and running < after - 1:
             return max(running + 1, 0)
         return max(after + 1, running)
 
@@ -78,8 +78,9 @@ class RunState:
         self._stopped = True
 
     def sleep_until(self, moment: int) -> None:
-        """Sleep until a moment, nanoseconds since 1970, or until the node is asked to end; no longer
-        if the clock is set back meanwhile.
+        """Sleep until a moment, nanoseconds since 1970, or until the node is asked to end.
+
+        A clock that is set back meanwhile does not make it longer.
         """
         end = time.monotonic_ns() + moment - clock.now()
         while self and (remaining := min(moment - clock.now(), end - time.monotonic_ns())) > 0:

@@ -30,7 +30,7 @@ def test_ratings_come_back_as_they_were(rater, stamp, ratings, signature):
     raw = messages.encode(messages.ratings_message(rater, stamp, ratings, FixedSigner(signature)))
     read = messages.read_ratings_message(raw)
     unsigned = messages.encode(messages.ratings_message(rater, stamp, ratings))
-    assert read.envelope == (rater, stamp, unsigned, signature)
+    assert read.envelope == (rater, stamp, unsigned, signature, "")
     assert list(read.providers) == list(ratings)
     np.testing.assert_array_equal(read.values, list(ratings.values()))
 

@@ -1,0 +1,101 @@
+"""Snapshots of a trust manager, so that a start does not replay the whole journal.
+
+A snapshot is a file of arrays beside a store of SQLite, see `roletrust_env.storage.arrays`. It is
+never more than a shortcut: one that is damaged, of other settings or of other events is ignored.
+"""
+
+import json
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import NonNegativeInt
+
+from roletrust_env.storage.arrays import load_arrays, save_arrays
+from roletrust_env.storage.untrusted import UntrustedModel
+from roletrust_env.trust.stored import taken
+from roletrust_manager.http.journal_trust import StoredTrust
+from roletrust_manager.http.members import StoredMembers
+from roletrust_manager.journal.merkle import MerkleTree
+from roletrust_manager.journal.sql import JournalStore
+
+
+class Snapshot(NamedTuple):
+    """All that a manager keeps in memory.
+
+    Attributes:
+        seq: Number of the last event.
+        time: Time of the last event, microseconds.
+        ratings: Number of ratings.
+        members: What `Members` keep.
+        tree: Tree of the events.
+        trust: What `JournalTrust` keeps.
+    """
+
+    seq: int
+    time: int
+    ratings: int
+    members: StoredMembers
+    tree: MerkleTree
+    trust: StoredTrust
+
+
+class _Header(UntrustedModel):
+    snapshot: Literal[1] = 1
+    about: dict[str, Any]
+    digests: list[str]
+    seq: NonNegativeInt
+    time: NonNegativeInt
+    ratings: NonNegativeInt
+    members: StoredMembers
+    trust: tuple[NonNegativeInt, NonNegativeInt, NonNegativeInt, int | None, int | None]
+
+
+def write_snapshot(store: JournalStore, about: dict[str, Any], snapshot: Snapshot) -> None:
+    """Write a snapshot beside a store, if that is a file and the disk has room."""
+    if store.path is None:
+        return
+    header = _Header(
+        about=json.loads(json.dumps(about)),
+        digests=store.digests(snapshot.seq),
+        seq=snapshot.seq,
+        time=snapshot.time,
+        ratings=snapshot.ratings,
+        members=snapshot.members,
+        trust=snapshot.trust[:-1],
+    )
+    arrays = {
+        "header": np.frombuffer(header.model_dump_json().encode(), np.uint8),
+        "tree": np.frombuffer(snapshot.tree.hashes, np.uint8),
+        "stream": np.frombuffer(snapshot.trust.stream, np.uint8),
+    }
+    with suppress(OSError):
+        save_arrays(_path(store.path), arrays)
+
+
+def read_snapshot(store: JournalStore, about: dict[str, Any]) -> Snapshot | None:
+    """Return the snapshot of a store; None if there is none that fits.
+
+    Raises:
+        StoreError: The store cannot be read.
+    """
+    if store.path is None or not _path(store.path).exists():
+        return None
+    try:
+        arrays = load_arrays(_path(store.path))
+        header = _Header.model_validate_json(taken(arrays, "header", np.uint8, (None,)).tobytes())
+        hashes, stream = (
+            taken(arrays, name, np.uint8, (None,)).tobytes() for name in ("tree", "stream")
+        )
+        tree = MerkleTree.restored(hashes, header.seq)
+    except (ValueError, OSError):
+        return None
+    if header.about != json.loads(json.dumps(about)) or header.digests != store.digests(header.seq):
+        return None
+    trust = StoredTrust(*header.trust, stream)
+    return Snapshot(header.seq, header.time, header.ratings, header.members, tree, trust)
+
+
+def _path(store: Path) -> Path:
+    return store.with_name(f"{store.name}.snapshot")
