@@ -16,6 +16,7 @@ from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN, given_options
 
 _END_S = 2  # for answers that are on their way when the manager ends
+_SWITCH_S = 5e-4  # for which one thread may keep the others waiting
 _PANEL = "Manager of agents"
 _manager = partial(typer.Option, rich_help_panel=_PANEL)
 
@@ -166,6 +167,7 @@ def _manage(
             app = make_app(manager, TrustService(make_log_model(model)) if rounds else None)
             url = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
             tell(f"{manager.name} answers with {model} at {url}; Ctrl-C ends it", where=errors)
+            sys.setswitchinterval(_SWITCH_S)
             gc.freeze()  # else each full collection looks at all modules, and all requests wait
             config = uvicorn.Config(
                 app,

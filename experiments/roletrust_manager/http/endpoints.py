@@ -25,7 +25,7 @@ from roletrust_manager.admission.validation import RefusalReason
 from roletrust_manager.http import answers
 from roletrust_manager.http.journal_trust import RoundEnd
 from roletrust_manager.http.manager import MOST_ROWS, TrustManager
-from roletrust_manager.http.requests import Member, RefusedError, Request
+from roletrust_manager.http.requests import Member, Receipt, RefusedError, Request
 from roletrust_manager.http.tokens import MAX_TOKEN, Leave, Name, Rating, Registration
 from roletrust_manager.http.writer import BusyError, RequestWriter
 from roletrust_manager.journal.sql import StoreError
@@ -65,6 +65,7 @@ _MOST_BYTES = {
 _FEW_BYTES = 64_000
 _MOST_UNDER_WAY = 32_000_000  # bytes of all bodies beyond the first of each
 _MOST_PAGES = 8  # of ratings, under way at once
+_MOST_REFUSED = 1000  # requests of an address between two ticks, a second at most
 _PART = 64_000  # bytes of a page that are sent at once
 _MOST_STREAMS, _MOST_ROUNDS, _QUIET_S = (
     100,
@@ -100,6 +101,7 @@ class Endpoints:
         self._streams = set[asyncio.Queue[str | None]]()
         self._explaining = asyncio.Lock()
         self._pages = 0  # under way
+        self._refused: Counter[str] = Counter()  # requests by address, since the last tick
         self._told = ""  # the failure of the store that the log has
 
     @asynccontextmanager
@@ -117,6 +119,7 @@ class Endpoints:
     async def _tick(self) -> None:
         while True:
             await asyncio.sleep(min(1.0, self._manager.settings.every / 10))
+            self._refused.clear()
             try:
                 await self._writer.run(self._manager.advance)
                 self._told = ""
@@ -142,25 +145,45 @@ class Endpoints:
         """Say what this manager is."""
         return answers.About(**self._manager.about())
 
-    async def register(self, body: answers.TokenRequest) -> answers.TokenReceipt:
+    async def register(
+        self, body: answers.TokenRequest, sender: HttpRequest
+    ) -> answers.TokenReceipt:
         """Register an agent by a token with its public key and its proof of work."""
-        (receipt,) = await self._writer.take(Request(Registration, [body.token]))
+        (receipt,) = await self._take(sender, Request(Registration, [body.token]))
         return answers.TokenReceipt(**receipt._asdict())
 
-    async def leave(self, name: Name, body: answers.TokenRequest) -> answers.TokenReceipt:
+    async def leave(
+        self, name: Name, body: answers.TokenRequest, sender: HttpRequest
+    ) -> answers.TokenReceipt:
         """Let an agent leave. What it rated stays; if it comes back, it is a newcomer."""
-        (receipt,) = await self._writer.take(Request(Leave, [body.token], name))
+        (receipt,) = await self._take(sender, Request(Leave, [body.token], name))
         return answers.TokenReceipt(**receipt._asdict())
 
-    async def rate(self, body: answers.RatingTokens) -> answers.TokenReceipts:
+    async def rate(self, body: answers.RatingTokens, sender: HttpRequest) -> answers.TokenReceipts:
         """Report ratings. They count as a whole, and are in the store when they are acknowledged.
 
         The last request of an agent may be sent again, and counts once.
         """
-        receipts = await self._writer.take(Request(Rating, body.tokens))
+        receipts = await self._take(sender, Request(Rating, body.tokens))
         return answers.TokenReceipts(
             receipts=[answers.TokenReceipt(**receipt._asdict()) for receipt in receipts]
         )
+
+    async def _take(self, sender: HttpRequest, request: Request) -> list[Receipt]:
+        """Return the receipts of a request, unless too many of its address were refused just now.
+
+        Raises:
+            RefusedError: The request is refused.
+        """
+        address = "" if sender.client is None else sender.client.host
+        if self._refused[address] >= _MOST_REFUSED:
+            hint = f"{_MOST_REFUSED:,} refusals in a moment are allowed, so try again later"
+            raise RefusedError(RefusalReason.FLOOD, hint)
+        try:
+            return await self._writer.take(request)
+        except RefusedError:
+            self._refused[address] += 1
+            raise
 
     async def agents(
         self,

@@ -44,7 +44,7 @@ from roletrust_manager.http.tokens import (
 )
 from roletrust_manager.journal.checkpoint import Checkpoint, sign_checkpoint, verifier_key
 from roletrust_manager.journal.merkle import MerkleTree
-from roletrust_manager.journal.sql import Event, JournalStore, StoreError, events
+from roletrust_manager.journal.sql import BLOCK, Event, JournalStore, StoreError, events
 from roletrust_manager.journal.verify import event_leaf
 
 MOST_ROWS = 10_000
@@ -54,7 +54,7 @@ _log = logging.getLogger(__name__)
 _VERSION = version("roletrust-env")
 _LONGEST = 10**9  # seconds of a round or of a tolerance
 _AHEAD_S = 10.0  # of which the operator is told
-_KEPT_EVERY, _FEW = 100_000, 10_000  # events; a replay of a few takes no time
+_KEPT_EVERY, _FEW = 50_000, 10_000  # events; a replay of a few takes no time
 
 
 class TrustManager:
@@ -133,7 +133,7 @@ class TrustManager:
         self._seq, self._time, self._ratings = at
         members.follow(self._noted(store.history(self._seq, self._time)), store.damaged)
         store.check_head(self._seq, self._tree.root())
-        self._kept = at[0]
+        self._kept, self._digests = at[0], [] if snapshot is None else snapshot.digests
         self._sent: Counter[str] = Counter()  # ratings of each agent in the running round
         self.advance()
         running = select(events.c.sender).where(
@@ -161,7 +161,9 @@ class TrustManager:
     def _keep(self) -> None:
         """Write a snapshot; without it a restart takes longer, and nothing else is lost."""
         at, members = (self._seq, self._time, self._ratings), self._members.save()
-        snapshot = Snapshot(*at, members, self._tree, self._trust.save())
+        known = self._digests[: self._kept // BLOCK]
+        self._digests = self._store.digests(self._seq, known)
+        snapshot = Snapshot(*at, members, self._tree, self._trust.save(), self._digests)
         write_snapshot(self._store, self._about, snapshot)
         self._kept = self._seq
 

@@ -31,6 +31,7 @@ class Snapshot(NamedTuple):
         members: What `Members` keep.
         tree: Tree of the events.
         trust: What `JournalTrust` keeps.
+        digests: Digests of the events, see `JournalStore.digests`.
     """
 
     seq: int
@@ -39,6 +40,7 @@ class Snapshot(NamedTuple):
     members: StoredMembers
     tree: MerkleTree
     trust: StoredTrust
+    digests: list[str]
 
 
 class _Header(UntrustedModel):
@@ -58,7 +60,7 @@ def write_snapshot(store: JournalStore, about: dict[str, Any], snapshot: Snapsho
         return
     header = _Header(
         about=json.loads(json.dumps(about)),
-        digests=store.digests(snapshot.seq),
+        digests=snapshot.digests,
         seq=snapshot.seq,
         time=snapshot.time,
         ratings=snapshot.ratings,
@@ -94,7 +96,8 @@ def read_snapshot(store: JournalStore, about: dict[str, Any]) -> Snapshot | None
     if header.about != json.loads(json.dumps(about)) or header.digests != store.digests(header.seq):
         return None
     trust = StoredTrust(*header.trust, stream)
-    return Snapshot(header.seq, header.time, header.ratings, header.members, tree, trust)
+    at = (header.seq, header.time, header.ratings)
+    return Snapshot(*at, header.members, tree, trust, header.digests)
 
 
 def _path(store: Path) -> Path:

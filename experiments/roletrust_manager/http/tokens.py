@@ -14,6 +14,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from roletrust_env.errors import short, validation_message
+from roletrust_env.storage.untrusted import parse_json
 from roletrust_manager.admission.keys import NAME
 from roletrust_manager.admission.validation import Envelope
 
@@ -21,7 +22,6 @@ MAX_TOKEN = 4096
 """Number of characters that a token may have."""
 
 _ALGORITHM = "EdDSA"
-_reader = jwt.PyJWS()
 
 Name = Annotated[str, Field(pattern=f"^{NAME}$", examples=["ann"])]
 """Name of an agent or of a manager: up to 200 letters, digits and `_.-@:+`, the first a letter or
@@ -124,31 +124,40 @@ def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
     """
     if len(token) > MAX_TOKEN:
         raise ValueError(f"a token has up to {MAX_TOKEN:,} characters, this one has {len(token):,}")
+    parts = token.split(".")
+    if len(parts) != 3:
+        raise ValueError(f"a signed JSON Web Token has three parts, this one has {len(parts)}")
+    head, payload, signature = map(_decoded, parts)
+    header = parse_json(head)
+    if not isinstance(header, dict) or header.get("alg") != _ALGORITHM or "crit" in header:
+        raise ValueError(f"a token has the algorithm {_ALGORITHM}, and no critical extensions")
     try:
-        parts: dict[str, Any] = _reader.decode_complete(token, options={"verify_signature": False})
-        if parts["header"].get("alg") != _ALGORITHM:
-            raise ValueError(f"the algorithm of a token is {_ALGORITHM}")
-        for part in token.split("."):
-            if not _is_canonical(part):
-                raise ValueError(
-                    "each part of a token must be canonical base64url without padding, got "
-                    f"{short(repr(part))}"
-                )
-        claims = kind.model_validate_json(parts["payload"])
+        claims = kind.model_validate_json(payload)
     except ValidationError as error:
         raise ValueError(
             f"the token has other claims than a {kind.__name__.lower()}: "
             f"{validation_message(error)}"
         ) from None
-    except jwt.InvalidTokenError as error:
-        raise ValueError(f"there is no signed JSON Web Token: {error}") from None
     signed = token.rpartition(".")[0].encode()
-    return claims, Envelope(claims.iss, claims.stamp, signed, parts["signature"], claims.jti or "")
+    return claims, Envelope(claims.iss, claims.stamp, signed, signature, claims.jti or "")
 
 
-def _is_canonical(part: str) -> bool:
-    """Return whether a part of a token is the one base64url text of its bytes."""
-    return _base64url(base64.urlsafe_b64decode(part + "=" * (-len(part) % 4))) == part
+def _decoded(part: str) -> bytes:
+    """Return the bytes of a part of a token.
+
+    Raises:
+        ValueError: It is not the one base64url text of some bytes, without padding.
+    """
+    try:
+        content = base64.urlsafe_b64decode(part + "=" * (-len(part) % 4))
+    except ValueError:
+        content = b""
+    if _base64url(content) != part:
+        raise ValueError(
+            "each part of a token must be canonical base64url without padding, got "
+            f"{short(repr(part))}"
+        )
+    return content
 
 
 def _base64url(content: bytes) -> str:

@@ -1,13 +1,15 @@
 """One writer for many requests that wait: what waits together is written together."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Any, TypeVar
 
 from roletrust_manager.http.manager import TrustManager
-from roletrust_manager.http.requests import Checked, Receipt, RefusedError, Request
-from roletrust_manager.journal.sql import StoreError
+from roletrust_manager.http.requests import Checked, Receipt, Request
 
 MAX_WAITING = 10_000
 """Number of requests that may wait."""
@@ -15,7 +17,7 @@ MAX_WAITING = 10_000
 _FEW = 4  # tokens that are checked at once; more would let all others wait
 
 _Value = TypeVar("_Value")
-_Answer = list[Receipt] | RefusedError | StoreError
+_Turn = tuple[asyncio.Future[Any], Checked | Callable[[], Any]]
 
 
 class BusyError(Exception):
@@ -32,10 +34,10 @@ class RequestWriter:
 
     def __init__(self, manager: TrustManager) -> None:
         self._manager = manager
-        self._thread = ThreadPoolExecutor(1, "writer")
         self._checker = ThreadPoolExecutor(1, "checker")
-        self._waiting: list[tuple[Checked, asyncio.Future[_Answer]]] = []
-        self._task: asyncio.Task[None] | None = None
+        self._turns: SimpleQueue[_Turn | None] = SimpleQueue()
+        self._thread = Thread(target=self._work, name="writer", daemon=True)
+        self._thread.start()
 
     async def take(self, request: Request) -> list[Receipt]:
         """Return the receipts of a request, which is in the store then.
@@ -45,43 +47,67 @@ class RequestWriter:
             StoreError: The store cannot be written.
             BusyError: Too many requests wait.
         """
-        if len(self._waiting) >= MAX_WAITING:
+        if self._turns.qsize() >= MAX_WAITING:
             raise BusyError
-        loop = asyncio.get_running_loop()
         if len(request.tokens) <= _FEW:
             checked = self._manager.check(request)
         else:
+            loop = asyncio.get_running_loop()
             checked = await loop.run_in_executor(self._checker, self._manager.check, request)
-        future: asyncio.Future[_Answer] = loop.create_future()
-        self._waiting.append((checked, future))
-        if self._task is None:
-            self._task = asyncio.create_task(self._work())
-        answer = await future
-        if isinstance(answer, Exception):
-            raise answer
-        return answer
+        receipts: list[Receipt] = await self._turn(checked)
+        return receipts
 
     async def run(self, work: Callable[[], _Value]) -> _Value:
         """Return the value of a function that needs the manager for itself."""
-        return await asyncio.get_running_loop().run_in_executor(self._thread, work)
+        value: _Value = await self._turn(work)
+        return value
 
     def close(self) -> None:
         """End the threads, after what they do."""
         self._checker.shutdown()
-        self._thread.shutdown()
+        self._turns.put(None)
+        self._thread.join()
 
-    async def _work(self) -> None:
-        while self._waiting:
-            batch, self._waiting = self._waiting, []
-            requests = [request for request, _ in batch]
-            try:
-                answers = await self.run(lambda: self._manager.take(requests))  # noqa: B023 - awaited here
-            except Exception as error:
-                for _, future in batch:
-                    if not future.done():
-                        future.set_exception(error)
-            else:
-                for (_, future), answer in zip(batch, answers, strict=True):
-                    if not future.done():  # whoever asked may have gone
-                        future.set_result(answer)
-        self._task = None
+    async def _turn(self, what: Checked | Callable[[], Any]) -> Any:
+        future = asyncio.get_running_loop().create_future()
+        self._turns.put((future, what))
+        return await future
+
+    def _work(self) -> None:
+        """Take all turns that wait, until the end."""
+        while (turn := self._turns.get()) is not None:
+            turns: list[_Turn | None] = [turn]
+            with suppress(Empty):
+                while turns[-1] is not None:
+                    turns.append(self._turns.get_nowait())
+            if turns[-1] is None:
+                self._turns.put(turns.pop())
+            waiting = [turn for turn in turns if turn is not None]
+            requests = [what for _, what in waiting if isinstance(what, Checked)]
+            taken = iter(_tried(lambda: self._manager.take(requests), len(requests)))  # noqa: B023
+            answers = [
+                (future, next(taken) if isinstance(what, Checked) else _tried(what)[0])
+                for future, what in waiting
+            ]
+            with suppress(RuntimeError):  # the loop has ended
+                turn[0].get_loop().call_soon_threadsafe(_answer, answers)
+
+
+def _tried(work: Callable[[], Any], many: int | None = None) -> Sequence[Any]:
+    """Return so many results of a function, or its error for each; None for one result."""
+    try:
+        results = work() if many != 0 else []
+    except Exception as error:
+        return [error] * (many or 1)
+    return [results] if many is None else results
+
+
+def _answer(answers: Sequence[tuple[asyncio.Future[Any], Any]]) -> None:
+    """Give everybody their answer, who may have gone."""
+    for future, answer in answers:
+        if future.done():
+            continue
+        if isinstance(answer, Exception):
+            future.set_exception(answer)
+        else:
+            future.set_result(answer)

@@ -4,7 +4,6 @@ import re
 import secrets
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
@@ -71,6 +70,10 @@ events = Table(
     Column("token", Text, nullable=False),
 )
 """Table of the events, see `Event`."""
+
+
+_APPEND = insert(events)
+_HEAD = update(_meta).where(_meta.c.name == "head").values(value=bindparam("head"))
 
 
 class Event(NamedTuple):
@@ -242,14 +245,13 @@ class JournalStore:
             StoreError: They cannot be written, or the file was deleted or replaced; whether they
                 are, `last` will say.
         """
-        head = update(_meta).where(_meta.c.name == "head")
         try:
             if self._file is not None:
                 self._file.check()
             connection = self._writer()
             with connection.begin():
-                connection.execute(insert(events), [new_event._asdict() for new_event in new])
-                connection.execute(head.values(value=f"{new[-1].seq} {root.hex()}"))
+                connection.execute(_APPEND, [new_event._asdict() for new_event in new])
+                connection.execute(_HEAD, {"head": f"{new[-1].seq} {root.hex()}"})
         except SQLAlchemyError as error:
             if self._connection is not None and self._connection.invalidated:
                 self._release()
@@ -280,29 +282,29 @@ class JournalStore:
                 seq + missing, "it is missing" if missing else "it or one before it was altered"
             )
 
-    def digests(self, until: int) -> list[str]:
+    def digests(self, until: int, known: Sequence[str] = ()) -> list[str]:
         """Return the SHA-256 of each block of events up to a number, all of their columns.
+
+        Args:
+            until: Number of the last event.
+            known: Those of the first blocks.
 
         Raises:
             StoreError: The store cannot be read.
         """
         rows = select(events).where(events.c.seq.between(bindparam("a"), bindparam("b")))
         ordered = rows.order_by(events.c.seq).subquery()
-        columns = [func.coalesce(cast(column, Text), "") for column in ordered.c]
-        joined: Any = columns[0]
-        for column in columns[1:]:
-            joined = joined.concat(" ").concat(column)
-        query = select(func.aggregate_strings(joined, "\n"))
+        query = select(*(func.aggregate_strings(cast(c, Text), " ") for c in ordered.c))
 
         def digest(first: int) -> str:
             ends = {"a": first, "b": min(first + BLOCK - 1, until)}
             with self._engine.connect() as connection:
-                found = connection.execute(query, ends).scalar()
-            return sha256(str(found).encode()).hexdigest()
+                found = connection.execute(query, ends).one()
+            return sha256("\n".join(map(str, found)).encode()).hexdigest()
 
         try:
-            with ThreadPoolExecutor(2) as pool:  # SQLite and SHA-256 work outside of Python's lock
-                return list(pool.map(digest, range(1, until + 1, BLOCK)))
+            more = range(1 + BLOCK * len(known), until + 1, BLOCK)
+            return [*known, *(digest(first) for first in more)]
         except SQLAlchemyError as error:
             raise self._failed("cannot be read", error) from None
 
