@@ -14,7 +14,8 @@ from roletrust_manager.admission.validation import (
     keys_by_role,
 )
 from roletrust_manager.dds.rounds import MatchedRound, RoundAssembler, RoundTiming
-from roletrust_manager.dds.team_trust import TeamTrust
+from roletrust_manager.dds.team_trust import CountedRatings, TeamTrust
+from roletrust_manager.dds.wire.messages import signed_message
 from roletrust_manager.journal.lines import JournalEntry
 from roletrust_manager.team import Team, Trust
 
@@ -23,7 +24,8 @@ class Manager:
     """Turns incoming ratings into trust, round by round.
 
     A round is in the journal before it is published. A manager that opens an existing journal
-    continues after its last round, with the same trust to the last bit.
+    continues after its last round, with the same trust to the last bit. With keys, the journal has
+    the signed messages, too, see `check_journal`.
 
     Args:
         model: Trust model.
@@ -68,7 +70,8 @@ class Manager:
             timing.limits, rater_keys, self._trust.last_stamps, admitted, settings.raters
         )
         self.known_raters: Container[str] = admitted if rater_keys is None else rater_keys
-        self.rounds: RoundAssembler[dict[str, float]] = RoundAssembler(
+        self._has_keys = keyring is not None
+        self.rounds: RoundAssembler[CountedRatings] = RoundAssembler(
             timing, raters, self._trust.last_stamp
         )
 
@@ -109,7 +112,8 @@ class Manager:
             accepted = self._of_members(rater, accepted)
         if not accepted:
             return []
-        return [self._close(closed, now) for closed in self.rounds.add(rater, stamp, accepted, now)]
+        item = CountedRatings(accepted, signed_message(message.envelope) if self._has_keys else b"")
+        return [self._close(closed, now) for closed in self.rounds.add(rater, stamp, item, now)]
 
     def tick(self, now: int) -> list[JournalEntry]:
         """Return the rounds whose deadline has passed. Call it often, about ten times a period."""
@@ -120,7 +124,7 @@ class Manager:
         """Release the journal."""
         self._trust.close()
 
-    def _close(self, closed: MatchedRound[dict[str, float]], now: int) -> JournalEntry:
+    def _close(self, closed: MatchedRound[CountedRatings], now: int) -> JournalEntry:
         return self._trust.close_round(closed, now, self.validator.last_stamps)
 
     def _of_members(self, rater: str, accepted: dict[str, float]) -> dict[str, float]:

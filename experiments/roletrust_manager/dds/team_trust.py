@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from roletrust_env.trust import TrustModel
 from roletrust_manager.dds.rounds import MatchedRound
@@ -26,6 +26,18 @@ from roletrust_manager.team import Team, Trust
 
 _AT_ONCE = 100  # rounds that are replayed in no time: a snapshot is written after so many
 _TICK_S = 0.005  # time for a gradual replay, each time
+
+
+class CountedRatings(NamedTuple):
+    """The ratings of a rater that count in a round.
+
+    Attributes:
+        ratings: Ratings by provider.
+        signed: Message with these ratings and its signature, as CDR; empty if the team has no keys.
+    """
+
+    ratings: dict[str, float]
+    signed: bytes
 
 
 class TeamTrust:
@@ -171,16 +183,16 @@ class TeamTrust:
             yield run
 
     def close_round(
-        self, closed: MatchedRound[dict[str, float]], now: int, last_stamps: dict[str, int]
+        self, closed: MatchedRound[CountedRatings], now: int, last_stamps: dict[str, int]
     ) -> JournalEntry:
         """Update trust with a round, and write it to the journal.
 
         Args:
-            closed: Round with the ratings of each rater, by provider.
+            closed: Round with the ratings of each rater.
             now: Time, nanoseconds.
             last_stamps: Last accepted stamp of each rater, nanoseconds.
         """
-        rated = [provider for row in closed.items.values() for provider in row]
+        rated = [provider for item in closed.items.values() for provider in item.ratings]
         self.team = self.team.with_newcomers(closed.items, rated)
         if self._run is None:
             self._run = TeamRun(self._model, self.team)
@@ -191,13 +203,14 @@ class TeamTrust:
                 self._model, self.team, (entry.ratings for entry in read_journal(self._path))
             )
         ratings = {
-            name: [row.get(provider) for provider in self.team.providers]
-            for name, row in closed.items.items()
+            name: [item.ratings.get(provider) for provider in self.team.providers]
+            for name, item in closed.items.items()
         }
+        signed = {name: item.signed for name, item in closed.items.items() if item.signed}
         self._run.play_named(ratings)
         trust = self._run.trust
         entry = JournalEntry(
-            self.next_round, closed.stamp, now, self.team, ratings, closed.missing, trust
+            self.next_round, closed.stamp, now, self.team, ratings, closed.missing, trust, signed
         )
         self._journal.append(entry)
         if self._replay is not None:

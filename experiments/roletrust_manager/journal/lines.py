@@ -11,7 +11,8 @@ import hashlib
 import json
 import mmap
 import os
-from collections.abc import Iterator
+from base64 import b64decode, b64encode
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Annotated, Any, Literal, NamedTuple, Self
 
@@ -25,7 +26,7 @@ from roletrust_env.trust.stored import taken
 from roletrust_manager.journal.held_file import HeldFile
 from roletrust_manager.team import PublishedTrust, RatingRows, Team, Trust
 
-_VERSION = 1
+_VERSION = 2
 _BLOCK = 1 << 20  # bytes that are read at once
 
 
@@ -58,6 +59,7 @@ class _RoundLine(UntrustedModel):
     tor: tuple[_Share, ...]
     top: tuple[_Share, ...]
     toa: tuple[_Share, ...]
+    signed: dict[str, str] = Field(default={}, min_length=1)
 
 
 class _SnapshotHeader(_TeamLine):
@@ -83,6 +85,7 @@ class JournalEntry(NamedTuple):
         ratings: Ratings that counted.
         missing: Expected raters whose ratings did not arrive in time.
         trust: Trust after the round.
+        signed: Signed message of each rater in `ratings`, as CDR; empty if the team has no keys.
     """
 
     round: int
@@ -92,6 +95,7 @@ class JournalEntry(NamedTuple):
     ratings: RatingRows
     missing: tuple[str, ...]
     trust: Trust
+    signed: Mapping[str, bytes] = {}
 
     @property
     def published(self) -> PublishedTrust:
@@ -169,9 +173,7 @@ class Journal:
             os.ftruncate(self._file.number, 0)
             self._write(header)
             return
-        stored = _parse(self.path, first)
-        if stored.get("journal") != _VERSION:
-            raise ValueError(f"{self.path} is no journal of version {_VERSION}")
+        stored = _parse_header(self.path, first)
         if stored != header:
             raise ValueError(
                 f"{self.path} is a journal with other settings: {_difference(stored, header)}"
@@ -206,15 +208,19 @@ class Journal:
             raise ValueError(f"the next round of the journal is {self.rounds}, not {entry.round}")
         if entry.team != self._team:
             self._write({"raters": entry.team.raters, "providers": entry.team.providers})
-        when = {"round": entry.round, "stamp": entry.stamp, "closed": entry.closed}
-        self._write(
-            {
-                **when,
-                "ratings": dict(entry.ratings),
-                "missing": entry.missing,
-                **entry.trust._asdict(),
+        line = {
+            "round": entry.round,
+            "stamp": entry.stamp,
+            "closed": entry.closed,
+            "ratings": dict(entry.ratings),
+            "missing": entry.missing,
+            **entry.trust._asdict(),
+        }
+        if entry.signed:
+            line["signed"] = {
+                rater: b64encode(message).decode() for rater, message in entry.signed.items()
             }
-        )
+        self._write(line)
         self._team, self.rounds = entry.team, self.rounds + 1
 
     def close(self) -> None:
@@ -237,6 +243,17 @@ class Journal:
         os.fsync(self._file.number)
 
 
+def read_settings(path: Path) -> dict[str, Any]:
+    """Return the settings that all rounds of a journal have in common, such as the trust model.
+
+    Raises:
+        ValueError: The file is not a journal.
+        OSError: The file cannot be read.
+    """
+    with path.open("rb") as file:
+        return _parse_header(path, file.readline())
+
+
 def read_journal(path: Path, after: JournalPosition | None = None) -> Iterator[JournalEntry]:
     """Iterate over the rounds of a journal, even while a manager is writing it.
 
@@ -250,9 +267,7 @@ def read_journal(path: Path, after: JournalPosition | None = None) -> Iterator[J
     """
     team, rounds = Team(), 0
     with path.open("rb") as file:
-        header = _parse(path, file.readline())
-        if header.get("journal") != _VERSION:
-            raise ValueError(f"{path} is no journal of version {_VERSION}")
+        _parse_header(path, file.readline())
         if after is not None:
             team, rounds = after.team, after.round
             file.seek(after.offset)
@@ -346,7 +361,24 @@ def _entry(line: "_RoundLine", team: Team) -> JournalEntry:
         raise ValueError("the round is of another team")
     if any(len(row) > len(team.providers) for row in ratings.values()):
         raise ValueError("the round has more providers than the team")
-    return JournalEntry(line.round, line.stamp, line.closed, team, ratings, line.missing, trust)
+    if not set(line.signed) <= set(team.raters):
+        raise ValueError("a signed message is of another team")
+    signed = {rater: _decode_base64(text) for rater, text in line.signed.items()}
+    return JournalEntry(
+        line.round, line.stamp, line.closed, team, ratings, line.missing, trust, signed
+    )
+
+
+def _decode_base64(text: str) -> bytes:
+    """Return the bytes of a text in base64.
+
+    Raises:
+        ValueError: The text is not the only one in base64 that has these bytes.
+    """
+    data = b64decode(text)
+    if b64encode(data).decode() != text:
+        raise ValueError("the text is not canonical base64")
+    return data
 
 
 def complete_size(path: Path) -> int:
@@ -357,6 +389,18 @@ def complete_size(path: Path) -> int:
 
 def _line(data: dict[str, Any]) -> bytes:
     return (json.dumps(data, allow_nan=False) + "\n").encode()
+
+
+def _parse_header(path: Path, line: bytes) -> dict[str, Any]:
+    """Return the first line of a journal.
+
+    Raises:
+        ValueError: It is not that of a journal of this format.
+    """
+    header = _parse(path, line)
+    if header.get("journal") != _VERSION:
+        raise ValueError(f"{path} is no journal of format {_VERSION}")
+    return header
 
 
 def _parse(path: Path, line: bytes) -> dict[str, Any]:

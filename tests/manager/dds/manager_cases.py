@@ -48,16 +48,14 @@ def random_ratings(rounds, seed=0, lost=0.2, team=TEAM):
     return random.random(shape), mask
 
 
-def feed(keeper, ratings, mask, team=TEAM, first=1):
+def feed(keeper, ratings, mask, team=TEAM, first=1, message=rating_message):
     """Return the rounds that a manager publishes, numbered from `first`, with ticks in between."""
     published = []
     for r, (row_of, heard) in enumerate(zip(ratings, mask, strict=True), first):
         for i, rater in enumerate(team.raters):
             row = {name: row_of[i, j] for j, name in enumerate(team.providers) if heard[i, j]}
             if row:
-                published += keeper.receive(
-                    rating_message(rater, r, row), PERIOD * r + 20_000_000 + i
-                )
+                published += keeper.receive(message(rater, r, row), PERIOD * r + 20_000_000 + i)
         for share in (0.5, 0.75, 0.9):
             published += keeper.tick(int(PERIOD * (r + share)))
     return published

@@ -137,8 +137,8 @@ def test_a_journal_is_read_while_its_last_line_is_being_written(tmp_path):
 
 
 def test_a_journal_of_another_version_is_refused(tmp_path):
-    (tmp_path / "journal").write_text('{"journal": 2}\n')
-    with refuses(ValueError, "journal", "1"):
+    (tmp_path / "journal").write_text('{"journal": 1}\n')
+    with refuses(ValueError, "journal", "2"):
         list(read_journal(tmp_path / "journal"))
 
 
@@ -184,7 +184,7 @@ def test_two_managers_cannot_share_a_journal(tmp_path):
         b"{}",
         b"[1, 2]",
         b"my only copy",
-        b'{"journal": 2',
+        b'{"journal": 1',
         b"\xff\xfe\n\xff",
         b"dear diary\nit rains",
         b"{}\n{}",

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from domains import own_dds_domain
+from fake_wire import FixedSigner
 from manager_cases import (
     MODELS,
     PERIOD,
@@ -37,6 +38,8 @@ from roletrust_manager.admission.validation import RefusalReason
 from roletrust_manager.dds import team_trust
 from roletrust_manager.dds.rounds import MatchedRound
 from roletrust_manager.dds.team_run import TeamRun
+from roletrust_manager.dds.team_trust import CountedRatings
+from roletrust_manager.dds.wire import messages
 from roletrust_manager.journal import lines as journals
 from roletrust_manager.journal.lines import (
     JournalPosition,
@@ -351,15 +354,15 @@ def test_a_manager_listens_again_in_the_time_of_a_few_imports(rounds, monkeypatc
 
 
 def lengthen(path, rules, rounds):
-    """Play further rounds into a journal."""
+    """Play further rounds into a journal, with messages that are as long as signed ones."""
     team, period, random = Team.of(rules), round(rules.period_s * 1e9), np.random.default_rng(0)
     keeper = team_trust.TeamTrust(parse_trust_model("role-trust", rules), path, period, team)
     for r in range(keeper.next_round, keeper.next_round + rounds):
-        rows = random.random(team.peers.shape).tolist()
-        items = {
-            name: dict(zip(team.providers, row, strict=True))
-            for name, row in zip(team.raters, rows, strict=True)
-        }
+        items = {}
+        for name, row in zip(team.raters, random.random(team.peers.shape).tolist(), strict=True):
+            ratings = dict(zip(team.providers, row, strict=True))
+            message = messages.ratings_message(name, period * r, ratings, FixedSigner(bytes(64)))
+            items[name] = CountedRatings(ratings, messages.encode(message))
         keeper.close_round(MatchedRound(period * r, items, ()), period * r, {})
     keeper.close()
 

@@ -141,6 +141,12 @@ def sign_message(message: Any, signer: Signer | None) -> Any:
     return message
 
 
+def signed_message(envelope: Envelope) -> bytes:
+    """Return the CDR of a message with the field `signature`, its last one, from its origin."""
+    size = len(envelope.signature).to_bytes(4, "little")
+    return envelope.signed.removesuffix(bytes(4)) + size + envelope.signature
+
+
 def ratings_message(
     rater: str, stamp: int, ratings: Mapping[str, float], signer: Signer | None = None
 ) -> Any:

@@ -33,6 +33,7 @@ def test_ratings_come_back_as_they_were(rater, stamp, ratings, signature):
     assert read.envelope == (rater, stamp, unsigned, signature, "")
     assert list(read.providers) == list(ratings)
     np.testing.assert_array_equal(read.values, list(ratings.values()))
+    assert messages.signed_message(read.envelope) == raw
 
 
 @given(st.binary(max_size=200))
