@@ -170,6 +170,11 @@ class PublicKeys(KnownKeys):
             )
 
     @property
+    def by_name(self) -> Mapping[str, Ed25519PublicKey]:
+        """The keys."""
+        return self._keys
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names that have a key."""
         return tuple(self._keys)

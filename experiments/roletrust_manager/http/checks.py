@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
 from roletrust_manager.admission.keys import KnownKeys
 from roletrust_manager.admission.validation import (
     RefusalReason,
@@ -20,7 +22,15 @@ from roletrust_manager.http.requests import (
     refusal,
     registered_key,
 )
-from roletrust_manager.http.tokens import Rating, Registration, has_work, key_as_text, read_token
+from roletrust_manager.http.tokens import (
+    Rating,
+    Registration,
+    Rotation,
+    has_recovery,
+    has_work,
+    key_as_text,
+    read_token,
+)
 
 
 class RequestChecks(NamedTuple):
@@ -62,15 +72,16 @@ class RequestChecks(NamedTuple):
             return Checked(name, digest)
         if isinstance(newest.claims, Registration):
             self.check_registration(newest)
-            return Checked(name, digest, (newest,))
-        if name not in members.by_name:
+            return Checked(name, digest, None, (newest,))
+        key = members.keys.get(name)
+        if name not in members.by_name or key is None:
             raise refusal(RefusalReason.UNKNOWN, newest.claims, last, "register it first")
         self._check_time(newest, last)
         signed = [*(self._read(request, at, name) for at in range(last)), newest]
         self.check_order(signed)
         for at, token in enumerate(signed):
-            self._check_signature(token, at)
-        return Checked(name, digest, tuple(signed))
+            self._check_signature(token, at, key)
+        return Checked(name, digest, key, tuple(signed))
 
     def _read(self, request: Request, at: int, name: str | None = None) -> Signed:
         """Return a token of a request with its claims.
@@ -118,6 +129,12 @@ class RequestChecks(NamedTuple):
             last = following(last, token.envelope)
             if last is None:
                 raise refusal(RefusalReason.REPLAYED, claims, at, "sign one after the other")
+            if isinstance(claims, Rotation):
+                registered_key(claims)
+                recovery = self.members.recovery.get(claims.iss)
+                if recovery is not None and not has_recovery(claims, recovery):
+                    hint = "sign it with the recovery key, too"
+                    raise refusal(RefusalReason.MIS_SIGNED, claims, at, hint)
             if not isinstance(claims, Rating):
                 continue
             if reason := rating_error(
@@ -135,15 +152,15 @@ class RequestChecks(NamedTuple):
                 raise refusal(RefusalReason.FLOOD, claims, at, hint)
             rated.add(claims.sub)
 
-    def _check_signature(self, signed: Signed, at: int) -> None:
-        """Check by whom a token was signed.
+    def _check_signature(self, signed: Signed, at: int, key: Ed25519PublicKey) -> None:
+        """Check that a token was signed with a key.
 
         Raises:
             RefusedError: By nobody, or by another than its agent.
         """
         if not signed.envelope.signature:
             raise refusal(RefusalReason.UNSIGNED, signed.claims, at, "sign it")
-        if not is_genuine(signed.envelope, self.members.keyring):
+        if not is_genuine(signed.envelope, KnownKeys({signed.claims.iss: key})):
             raise refusal(RefusalReason.MIS_SIGNED, signed.claims, at, "sign it with that key")
 
     def check_registration(self, signed: Signed) -> None:
@@ -160,7 +177,4 @@ class RequestChecks(NamedTuple):
                 hint = f"it costs {self.settings.work} bits here"
                 raise refusal(RefusalReason.NO_WORK, claims, 0, hint)
             self._check_time(signed, 0)
-        if not signed.envelope.signature:
-            raise refusal(RefusalReason.UNSIGNED, claims, 0, "sign it")
-        if not is_genuine(signed.envelope, KnownKeys({claims.iss: registered_key(claims)})):
-            raise refusal(RefusalReason.MIS_SIGNED, claims, 0, "sign it with that key")
+        self._check_signature(signed, 0, registered_key(claims))

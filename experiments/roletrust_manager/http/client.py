@@ -9,6 +9,7 @@ from threading import Lock
 from typing import Any, Self, TypeVar
 
 import httpx2
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from pydantic import BaseModel, ValidationError
 
 from roletrust_env.errors import printable, short, validation_message
@@ -29,8 +30,10 @@ from roletrust_manager.http.tokens import (
     Leave,
     Rating,
     Registration,
+    Rotation,
     key_as_text,
     sign_token,
+    with_recovery,
     with_work,
 )
 
@@ -125,6 +128,8 @@ class TrustClient:
                 f"{url!r} is no address of a trust manager, such as http://127.0.0.1:8000"
             )
         self.url, self.name, self._patience_s = url.rstrip("/"), name, patience_s
+        self._keys = keys
+        self._recovery: Ed25519PrivateKey | None = None
         self._signer: Signer | None = None
         if name is not None:
             make_keys(keys, [name])
@@ -161,10 +166,14 @@ class TrustClient:
         self._manager = self._answer(About, "GET", "/")
         return self._manager
 
-    def register(self) -> TokenReceipt:
+    def register(self, recovery: Ed25519PublicKey | None = None) -> TokenReceipt:
         """Register the agent with its public key, which changes nothing if it is registered.
 
         The proof of work takes a moment, see `has_work`.
+
+        Args:
+            recovery: Public key of the owner, without whose private key the key of the agent cannot
+                be replaced, see `rotate`; None for none.
 
         Raises:
             ValueError: The manager asks for more work than `MAX_WORK`.
@@ -176,8 +185,39 @@ class TrustClient:
                 f"{self.url} asks for a proof of work of {work} bits; a client does up to "
                 f"{MAX_WORK}"
             )
-        key = [] if self._signer is None else [{"key": key_as_text(self._signer.key.public_key())}]
-        return self._send(TokenReceipt, "POST", "/agents", Registration, key)
+        content: dict[str, Any] = {}
+        if self._signer is not None:
+            content["key"] = key_as_text(self._signer.key.public_key())
+        if recovery is not None:
+            content["recovery"] = key_as_text(recovery)
+        return self._send(TokenReceipt, "POST", "/agents", Registration, [content])
+
+    def rotate(self, recovery: Ed25519PrivateKey | None = None) -> TokenReceipt:
+        """Replace the key of the agent by a new one, which is then in its folder.
+
+        If there is no answer, call it again: the new key waits in the folder `next`.
+
+        Args:
+            recovery: Private key of the owner, if its public key was registered.
+
+        Raises:
+            RefusalError: The recovery key lacks.
+            UnreachableError: There is no answer.
+            OSError: The folder cannot be written.
+        """
+        if self.name is None:
+            raise ValueError("a client without a name has no key")
+        folder = self._keys / "next"
+        make_keys(folder, [self.name])
+        signer = Signer(folder, self.name)
+        content = {"key": key_as_text(signer.key.public_key())}
+        if recovery is not None:
+            self._recovery = recovery
+        receipt = self._send(TokenReceipt, "PUT", f"/agents/{self.name}", Rotation, [content])
+        for suffix in (".pub", ".key"):
+            (folder / f"{self.name}{suffix}").replace(self._keys / f"{self.name}{suffix}")
+        self._signer = signer
+        return receipt
 
     def rate(self, provider: str, rating: float) -> TokenReceipt:
         """Rate a provider, on the scale of the manager; see `rate_all`."""
@@ -323,6 +363,8 @@ class TrustClient:
                 raise ValueError(validation_message(error)) from None
             if isinstance(claims, Registration):
                 claims = with_work(claims, self.manager.work)
+            if isinstance(claims, Rotation) and self._recovery is not None:
+                claims = with_recovery(claims, self._recovery)
             tokens.append(sign_token(claims, self._signer.key))
         return {"tokens": tokens} if kind is Rating else {"token": tokens[0]}
 

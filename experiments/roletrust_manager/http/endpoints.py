@@ -26,7 +26,7 @@ from roletrust_manager.http import answers
 from roletrust_manager.http.journal_trust import RoundEnd
 from roletrust_manager.http.manager import MOST_ROWS, TrustManager
 from roletrust_manager.http.requests import Member, Receipt, RefusedError, Request
-from roletrust_manager.http.tokens import MAX_TOKEN, Leave, Name, Rating, Registration
+from roletrust_manager.http.tokens import MAX_TOKEN, Leave, Name, Rating, Registration, Rotation
 from roletrust_manager.http.writer import BusyError, RequestWriter
 from roletrust_manager.journal.sql import StoreError
 
@@ -150,6 +150,13 @@ class Endpoints:
     ) -> answers.TokenReceipt:
         """Register an agent by a token with its public key and its proof of work."""
         (receipt,) = await self._take(sender, Request(Registration, [body.token]))
+        return answers.TokenReceipt(**receipt._asdict())
+
+    async def rotate(
+        self, name: Name, body: answers.TokenRequest, sender: HttpRequest
+    ) -> answers.TokenReceipt:
+        """Replace the key of an agent, by a token that the old key has signed."""
+        (receipt,) = await self._take(sender, Request(Rotation, [body.token], name))
         return answers.TokenReceipt(**receipt._asdict())
 
     async def leave(
@@ -435,6 +442,7 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
     add("POST", "/agents", ends.register, *taken, status=201)
     add("GET", "/agents", ends.agents, 422)
     add("GET", "/agents/{name}", ends.agent, 404, 422, 503)
+    add("PUT", "/agents/{name}", ends.rotate, *taken)
     add("DELETE", "/agents/{name}", ends.leave, *taken)
     add("POST", "/ratings", ends.rate, *taken, status=201)
     add(

@@ -14,12 +14,11 @@ from roletrust_env.logs.explain import Explanation, explain
 from roletrust_env.logs.log import Log
 from roletrust_env.logs.log_rounds import log_rounds
 from roletrust_env.logs.names import NameIndex
-from roletrust_env.logs.rounds import MOST, nanoseconds, round_numbers
+from roletrust_env.logs.rounds import MOST, nanoseconds
 from roletrust_env.logs.stream import TrustStream
 from roletrust_env.logs.units import check_scale, unit_ratings
 from roletrust_env.trust.edges import runs_on_edges
 from roletrust_env.trust.grid_run import check_grid_memory
-from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.model import TrustModel
 from roletrust_env.trust.run import make_run
 from roletrust_manager.http.requests import MICROSECONDS
@@ -248,7 +247,7 @@ class JournalTrust:
         first = None
         for rows in self._store.blocks(self._ratings()):
             times = np.array([row.time for row in rows]) * 1000
-            ended = int(np.searchsorted(self._rounds(times), running))
+            ended = int(np.searchsorted(self._round(times), running))
             if ended:
                 _, raters, providers, values, _ = zip(*rows[:ended], strict=True)
                 if self._stream is not None:
@@ -328,8 +327,6 @@ class JournalTrust:
         """The latest time that has a round, nanoseconds."""
         return (self._start or 0) + self._length * (self.rounds + _FAR)
 
-    def _rounds(self, times: Ints) -> Any:
-        return round_numbers(times, self._length, self._start or 0, self.rounds)
-
-    def _round(self, time: int) -> int:
-        return int(self._rounds(np.array([min(time, self._furthest)]))[0])
+    def _round(self, times: Any) -> Any:
+        """Return the number of the round of a time, or of each of some, nanoseconds."""
+        return (times - (self._start or 0)) // self._length

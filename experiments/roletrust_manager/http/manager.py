@@ -38,10 +38,7 @@ from roletrust_manager.http.requests import (
     registered_key,
 )
 from roletrust_manager.http.snapshot import Snapshot, read_snapshot, write_snapshot
-from roletrust_manager.http.tokens import (
-    Rating,
-    Registration,
-)
+from roletrust_manager.http.tokens import Rating, Registration, Rotation, key_of_text
 from roletrust_manager.journal.checkpoint import Checkpoint, sign_checkpoint, verifier_key
 from roletrust_manager.journal.merkle import MerkleTree
 from roletrust_manager.journal.sql import BLOCK, Event, JournalStore, StoreError, events
@@ -294,12 +291,11 @@ class TrustManager:
         elif name not in members.by_name:
             raise refusal(RefusalReason.UNKNOWN, claims, 0, "register it first")
         else:
+            if request.key != members.keys[name]:  # which was replaced since
+                raise refusal(RefusalReason.MIS_SIGNED, claims, 0, "sign it with the new key")
             self._checks.check_order(signed)
             for token in signed:
                 self._take(token)
-            if not isinstance(claims, Rating):
-                member = members.by_name.pop(name)
-                self._undo.append(partial(members.by_name.__setitem__, name, member))
         new = self._new[-len(signed) :]
         last = LastRequest(new[0].seq, len(new), self._time, request.digest)
         self._set(members.latest, name, last)
@@ -312,8 +308,14 @@ class TrustManager:
             StoreError: There have been too many rounds without a rating.
         """
         claims, members = signed.claims, self._members.by_name
+        member = members[claims.iss]
         if not isinstance(claims, Rating):
-            self._append(signed, members[claims.iss].identity)
+            self._append(signed, member.identity)
+            if isinstance(claims, Rotation):
+                self._set(self._members.keys, claims.iss, registered_key(claims))
+                self._set(members, claims.iss, member._replace(key=claims.key))
+            else:
+                self._undo.append(partial(members.__setitem__, claims.iss, members.pop(claims.iss)))
             return
         if not self._trust.has_round(self._time / MICROSECONDS):
             raise StoreError(
@@ -321,8 +323,7 @@ class TrustManager:
             )
         self._sent[claims.iss] += 1
         self._undo.append(partial(self._sent.subtract, {claims.iss: 1}))
-        rater, provider = members[claims.iss], members[claims.sub]
-        self._append(signed, rater.identity, provider.identity, claims.rating)
+        self._append(signed, member.identity, members[claims.sub].identity, claims.rating)
 
     def _register(self, signed: Signed) -> None:
         """Let an agent join whose registration is valid.
@@ -339,6 +340,8 @@ class TrustManager:
             raise refusal(RefusalReason.CROWDED, claims, 0, hint)
         if claims.iss not in members.keys:
             self._set(members.keys, claims.iss, registered_key(claims))
+            if claims.recovery is not None:
+                self._set(members.recovery, claims.iss, key_of_text(claims.recovery))
         receipt = Receipt(self._seq + len(self._new) + 1, self._time / MICROSECONDS)
         self._undo.append(partial(members.unjoin, claims.iss))
         self._append(signed, members.join(claims, receipt).identity)
@@ -379,6 +382,13 @@ class TrustManager:
     def name(self) -> str:
         """Name of the manager."""
         return self._store.name
+
+    @property
+    def takes_long(self) -> bool:
+        """True if `take` would wait for more than a file: a round is over, the store has to be read
+        again, or it is on a server.
+        """
+        return self._in_doubt or self._store.path is None or self._trust.is_over(self._now())
 
     @property
     def validator(self) -> MessageValidator:

@@ -26,7 +26,13 @@ from roletrust_manager.http.requests import (
     Receipt,
     Settings,
 )
-from roletrust_manager.http.tokens import Registration, key_as_text, key_of_text, read_token
+from roletrust_manager.http.tokens import (
+    Registration,
+    Rotation,
+    key_as_text,
+    key_of_text,
+    read_token,
+)
 from roletrust_manager.journal.sql import Event
 
 _AGAIN = "~"  # between the name of an agent that has come back, and how often it has begun
@@ -37,6 +43,7 @@ class StoredMembers(UntrustedModel):
 
     members: list[tuple[str, str, str, int, float]]
     keys: dict[str, str]
+    recovery: dict[str, str]
     begun: dict[str, NonNegativeInt]
     latest: dict[str, LastRequest]
     stamps: dict[str, int]
@@ -53,6 +60,7 @@ class Members:
     Attributes:
         keys: Key of each name that was ever registered.
         keyring: The same, as a `Keyring`.
+        recovery: Recovery key of each name that has one.
         by_name: Registered agents.
         latest: Last request of each agent.
         validator: Checks when and by whom tokens were signed.
@@ -65,6 +73,7 @@ class Members:
         self.latest: dict[str, LastRequest] = {}
         self._begun: Counter[str] = Counter()  # how often each agent has registered
         self.keyring = KnownKeys(self.keys)
+        self.recovery: dict[str, Ed25519PublicKey] = {}
         limits = StampLimits(round(settings.tolerance * 1e9), 1)
         self.validator = MessageValidator(limits, self.keyring)
         self.limit = NewcomerLimit(settings.newcomers, round(settings.every * 1e9))
@@ -128,12 +137,21 @@ class Members:
                 key = key_of_text(registration.key)
             except ValueError:
                 return False
+            if name not in self.keys and registration.recovery is not None:
+                self.recovery[name] = key_of_text(registration.recovery)
             if self.keys.setdefault(name, key) != key:
                 return False
             member = self.join(registration, Receipt(event.seq, event.time / MICROSECONDS))
             self.limit.admits(event.time * 1000)
         elif event.kind == "leave":
             del self.by_name[name]
+        elif event.kind == "rotate" and member is not None:
+            try:
+                rotation, _ = read_token(event.token, Rotation)
+            except ValueError:
+                return False
+            self.keys[name] = key_of_text(rotation.key)
+            self.by_name[name] = member._replace(key=rotation.key)
         else:
             provider = claims.get("sub")
             rated = self.by_name.get(provider) if isinstance(provider, str) else None
@@ -149,6 +167,7 @@ class Members:
         return StoredMembers(
             members=[(*one[:3], *one.receipt) for one in self.by_name.values()],
             keys={name: key_as_text(key) for name, key in self.keys.items()},
+            recovery={name: key_as_text(key) for name, key in self.recovery.items()},
             begun=dict(self._begun),
             latest=dict(self.latest),
             stamps={name: one.stamp for name, one in last.items()},
@@ -163,6 +182,7 @@ class Members:
             ValueError: A key is none.
         """
         self.keys |= {name: key_of_text(key) for name, key in stored.keys.items()}
+        self.recovery |= {name: key_of_text(key) for name, key in stored.recovery.items()}
         self.by_name |= {
             name: Member(name, identity, key, Receipt(seq, time))
             for name, identity, key, seq, time in stored.members

@@ -7,7 +7,13 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
 from roletrust_manager.admission.keys import is_forgeable
 from roletrust_manager.admission.validation import Envelope, RefusalReason
-from roletrust_manager.http.tokens import Claims, Registration, key_as_text, key_of_text
+from roletrust_manager.http.tokens import (
+    Claims,
+    Registration,
+    Rotation,
+    key_as_text,
+    key_of_text,
+)
 
 MICROSECONDS = 1_000_000
 """Microseconds of a second, in which the journal has times."""
@@ -89,11 +95,13 @@ class Checked(NamedTuple):
     Attributes:
         name: Agent that has signed them.
         digest: SHA-256 of them.
+        key: Key with which they were signed; None for a registration.
         signed: The tokens; none if they are the last request of the agent, sent again.
     """
 
     name: str
     digest: str
+    key: Ed25519PublicKey | None = None
     signed: tuple[Signed, ...] = ()
 
 
@@ -166,8 +174,8 @@ def refusal(reason: RefusalReason, claims: Claims, at: int, hint: str) -> Refuse
     return RefusedError(reason, f"{_WHY[reason].format(claims.iss)}; {hint}", at, claims.iss)
 
 
-def registered_key(claims: Registration) -> Ed25519PublicKey:
-    """Return the key of a registration.
+def registered_key(claims: Registration | Rotation) -> Ed25519PublicKey:
+    """Return the key of a registration or of a rotation.
 
     Raises:
         RefusedError: Anybody could sign with it, or it is written in another way than `key_as_text`

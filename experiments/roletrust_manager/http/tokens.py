@@ -10,6 +10,7 @@ from hashlib import sha256
 from typing import Annotated, Any, Literal, TypeVar
 
 import jwt
+from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -78,10 +79,13 @@ class Registration(Claims):
     Attributes:
         key: Public key of the agent.
         work: Nonce that proves the work, see `has_work`.
+        recovery: Public key of the owner of the agent, without whose signature its key cannot be
+            replaced; None for no such key. That of the first registration counts.
     """
 
     kind: Literal["register"] = "register"
     key: Key
+    recovery: Key | None = None
     work: Annotated[int, Field(ge=0, lt=2**63)] = 0
 
 
@@ -96,6 +100,19 @@ class Rating(Claims):
     kind: Literal["rating"] = "rating"
     sub: Name
     rating: Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Rotation(Claims):
+    """Claims of an agent that replaces its key. The token is signed with the old one.
+
+    Attributes:
+        key: New public key of the agent.
+        recovered: Signature with the recovery key, see `with_recovery`; None without such a key.
+    """
+
+    kind: Literal["rotate"] = "rotate"
+    key: Key
+    recovered: Annotated[str, Field(pattern="^[-_A-Za-z0-9]{86}$")] | None = None
 
 
 class Leave(Claims):
@@ -191,21 +208,37 @@ def has_work(claims: Registration, bits: int) -> bool:
         claims: Claims of the registration.
         bits: Number of zero bits, 0 for no work.
     """
-    return _proves(_puzzle(claims) + str(claims.work).encode(), bits)
+    return _proves(_statement(claims) + str(claims.work).encode(), bits)
 
 
 def with_work(claims: Registration, bits: int) -> Registration:
     """Return a registration with the nonce that proves the work; it takes about 2^bits hashes, a
     second for 20.
     """
-    puzzle, nonce = _puzzle(claims), 0
+    puzzle, nonce = _statement(claims), 0
     while not _proves(puzzle + str(nonce).encode(), bits):
         nonce += 1
     return claims.model_copy(update={"work": nonce})
 
 
-def _puzzle(claims: Registration) -> bytes:
-    """Return the bytes before the nonce."""
+def with_recovery(claims: Rotation, recovery: Ed25519PrivateKey) -> Rotation:
+    """Return a rotation with the signature of its `aud`, `iss`, `key`, and `iat` in whole
+    microseconds, each ended by a newline.
+    """
+    return claims.model_copy(update={"recovered": _base64url(recovery.sign(_statement(claims)))})
+
+
+def has_recovery(claims: Rotation, recovery: Ed25519PublicKey) -> bool:
+    """Return whether a rotation is signed with a recovery key, too."""
+    try:
+        recovery.verify(_decoded(claims.recovered or ""), _statement(claims))
+    except (InvalidSignature, ValueError):
+        return False
+    return True
+
+
+def _statement(claims: Registration | Rotation) -> bytes:
+    """Return what is said about a key."""
     return f"{claims.aud}\n{claims.iss}\n{claims.key}\n{claims.stamp // 1000}\n".encode()
 
 

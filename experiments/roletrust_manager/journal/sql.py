@@ -81,7 +81,7 @@ class Event(NamedTuple):
 
     Attributes:
         seq: Number, from 1 without gaps.
-        kind: Kind of the token: `register`, `rating` or `leave`.
+        kind: Kind of the token: `register`, `rating`, `rotate` or `leave`.
         time: Time of arrival, microseconds since 1970; that of a request is above that of the one
             before it.
         sender: Agent that has signed it, see `Member.identity`.
@@ -92,7 +92,7 @@ class Event(NamedTuple):
     """
 
     seq: int
-    kind: Literal["register", "rating", "leave"]
+    kind: Literal["register", "rating", "rotate", "leave"]
     time: Annotated[int, Field(ge=0, lt=2**53)]
     sender: str
     stamp: Annotated[int, Field(ge=0)]

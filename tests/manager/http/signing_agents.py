@@ -13,8 +13,10 @@ from roletrust_manager.http.tokens import (
     Leave,
     Rating,
     Registration,
+    Rotation,
     key_as_text,
     sign_token,
+    with_recovery,
     with_work,
 )
 from roletrust_manager.journal.sql import JournalStore
@@ -41,19 +43,27 @@ class Agent:
         self.name, self._clock = name, clock
         self.key = Ed25519PrivateKey.from_private_bytes(f"{name}{seed}".encode().ljust(32, b"."))
         self._last = 0.0
+        self.recovery: str | None = None
 
     def _claims(self) -> dict[str, Any]:
         self._last = round(max(self._clock(), self._last + 0.001), 6)
         return {"iss": self.name, "aud": NAME, "iat": self._last}
 
     def registration(self, work: int = QUICK.work) -> str:
-        claims = Registration(**self._claims(), key=key_as_text(self.key.public_key()))
+        key = key_as_text(self.key.public_key())
+        claims = Registration(**self._claims(), key=key, recovery=self.recovery)
         return sign_token(with_work(claims, work), self.key)
 
     def rating(self, provider: str, rating: float, **claims: Any) -> str:
         return sign_token(
             Rating(**{**self._claims(), "sub": provider, "rating": rating, **claims}), self.key
         )
+
+    def rotation(self, seed: int, recovery: Ed25519PrivateKey | None = None) -> str:
+        """A token by which the agent with another seed replaces the key of this one."""
+        key = Agent(self.name, self._clock, seed).key.public_key()
+        claims = Rotation(**self._claims(), key=key_as_text(key))
+        return sign_token(claims if recovery is None else with_recovery(claims, recovery), self.key)
 
     def farewell(self) -> str:
         return sign_token(Leave(**self._claims()), self.key)
@@ -67,6 +77,9 @@ class OneByOne(TrustManager):
 
     def rate(self, tokens: Sequence[str]) -> list[Receipt]:
         return self._one(Request(Rating, tokens))
+
+    def rotate(self, name: str, token: str) -> Receipt:
+        return self._one(Request(Rotation, [token], name))[0]
 
     def leave(self, name: str, token: str) -> Receipt:
         return self._one(Request(Leave, [token], name))[0]

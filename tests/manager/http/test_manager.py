@@ -1,6 +1,8 @@
 """The trust manager without HTTP: what counts, what is refused, and trust as `roletrust rate` has
 it."""
 
+import base64
+import json
 import random
 import sqlite3
 from contextlib import closing, suppress
@@ -19,20 +21,25 @@ from sqlalchemy import text
 from roletrust_env.logs import TrustStream, read
 from roletrust_env.logs.rate import ROLES, rate
 from roletrust_env.logs.rounds import MOST
+from roletrust_env.trust.models.central.means import Mean
 from roletrust_manager.admission.validation import RefusalReason
 from roletrust_manager.http import checks, journal_trust
 from roletrust_manager.http import manager as managers
 from roletrust_manager.http.manager import TrustManager
 from roletrust_manager.http.requests import RefusedError, Request
+from roletrust_manager.http.store_check import check_store
 from roletrust_manager.http.tokens import (
     Rating,
     Registration,
+    Rotation,
     key_as_text,
     read_token,
     sign_token,
 )
 from roletrust_manager.journal.backup import back_up
+from roletrust_manager.journal.merkle import MerkleTree, leaf_hash
 from roletrust_manager.journal.sql import JournalStore, StoreError
+from roletrust_manager.journal.verify import event_leaf
 
 
 def joined(manager: OneByOne, clock: Clock, *names: str) -> list[Agent]:
@@ -647,3 +654,71 @@ def test_a_request_of_old_tokens_is_refused_by_its_last_one(
         monkeypatch.setattr(checks, "is_genuine", lambda *_: 1 / 0)
         refused(manager, RefusalReason.REPLAYED, "rate", tokens[:-1])
         assert len(read) == 1
+
+
+def test_a_key_is_replaced_by_the_old_one_and_the_recovery_key(tmp_path: Path):
+    clock, path = Clock(), tmp_path / "s"
+    owner = Agent("owner", clock)
+    with managed(path, clock) as manager:
+        ann, bob = Agent("ann", clock), Agent("bob", clock)
+        ann.recovery = key_as_text(owner.key.public_key())
+        for agent in (ann, bob):
+            manager.register(agent.registration())
+        first = ann.rating("bob", 0.25)
+        manager.rate([first])
+        for wrong in (ann.rotation(seed=1), ann.rotation(seed=1, recovery=bob.key)):
+            refused(manager, RefusalReason.MIS_SIGNED, "rotate", "ann", wrong)
+        thief, clock.now = Agent("ann", clock, seed=9), clock.now + 1
+        refused(manager, RefusalReason.MIS_SIGNED, "rotate", "ann", thief.rotation(1, owner.key))
+        late = manager.check(Request(Rating, [ann.rating("bob", 0.75)]))
+        token = ann.rotation(seed=1, recovery=owner.key)
+        (receipt,) = manager.take([manager.check(Request(Rotation, [token], "ann"))])[0]
+        assert manager.rotate("ann", token) == receipt
+        assert isinstance(manager.take([late])[0], RefusedError)
+        refused(manager, RefusalReason.MIS_SIGNED, "rate", [ann.rating("bob", 0.5)])
+        ann.key = Agent("ann", clock, seed=1).key
+        manager.rate([ann.rating("bob", 0.5)])
+        manager.rotate("bob", bob.rotation(seed=2))
+        assert manager.member("bob").key == key_as_text(Agent("bob", clock, 2).key.public_key())
+    settings = QUICK._replace(every=1.0)
+    with managed(path, clock, settings, "mean") as manager:
+        manager.rate([ann.rating("bob", 1)])
+        refused(manager, RefusalReason.TAKEN, "register", thief.registration())
+        clock.now += 10
+        manager.advance()
+        trust = manager.standings(manager.member("bob"))[0].trust
+    with closing(JournalStore(str(path))) as store:
+        found = check_store(store, Mean(), settings, {"bob": Agent("bob", clock).key.public_key()})
+    assert (found.events, found.rankings["ratee"].names) == (7, ["bob"])
+    assert found.rankings["ratee"].trust["bob"] == trust
+    with (
+        closing(JournalStore(str(path))) as store,
+        refuses(StoreError, "2", "bob"),
+    ):
+        check_store(store, Mean(), settings, {"bob": ann.key.public_key()})
+
+
+def test_a_forged_store_is_found_by_signatures(tmp_path: Path):
+    """Whoever writes the store can make a root hash that fits, but no signature."""
+    clock, path = Clock(), tmp_path / "s"
+    with managed(path, clock) as manager:
+        ann, *_ = joined(manager, clock, "ann", "bob")
+        token = ann.rating("bob", 1)
+        manager.rate([token])
+        at = manager.checkpoint()
+    head, _, signature = token.split(".")
+    claims = json.loads(base64.urlsafe_b64decode(token.split(".")[1] + "=="))
+    claims["rating"] = 0.0
+    payload = base64.urlsafe_b64encode(json.dumps(claims).encode()).decode().rstrip("=")
+    forged = f"{head}.{payload}.{signature}"
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("update events set rating = 0.0, token = ? where seq = 3", (forged,))
+        rows = connection.execute("select seq, time, token from events order by seq")
+        root = MerkleTree(b"".join(leaf_hash(event_leaf(*row)) for row in rows)).root()
+        connection.execute("update meta set value = ? where name = 'head'", (f"3 {root.hex()}",))
+        connection.commit()
+    with managed(path, clock) as manager:
+        assert manager.about()["ratings"] == 1
+        assert manager.checkpoint() != at
+    with closing(JournalStore(str(path))) as store, refuses(StoreError, "3", "ann"):
+        check_store(store, Mean(), QUICK, {})

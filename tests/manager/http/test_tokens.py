@@ -152,5 +152,6 @@ def test_all_kinds_are_claims():
     assert {kind.model_fields["kind"].default for kind in Claims.__subclasses__()} == {
         "register",
         "rating",
+        "rotate",
         "leave",
     }

@@ -1,0 +1,98 @@
+"""Check of a store by anybody who has a copy: signatures, order and trust."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+from roletrust_env.logs.evidence import Role
+from roletrust_env.trust.model import TrustModel
+from roletrust_manager.admission.keys import KnownKeys
+from roletrust_manager.admission.validation import is_genuine
+from roletrust_manager.http.journal_trust import JournalTrust, Ranking
+from roletrust_manager.http.members import Members, name_of
+from roletrust_manager.http.requests import MICROSECONDS, Settings
+from roletrust_manager.http.tokens import (
+    Claims,
+    Leave,
+    Rating,
+    Registration,
+    Rotation,
+    has_recovery,
+    read_token,
+)
+from roletrust_manager.journal.merkle import MerkleTree
+from roletrust_manager.journal.sql import Event, JournalStore
+from roletrust_manager.journal.verify import event_leaf
+
+_KINDS: dict[str, type[Claims]] = {
+    "register": Registration,
+    "rating": Rating,
+    "rotate": Rotation,
+    "leave": Leave,
+}
+
+
+class CheckedStore(NamedTuple):
+    """What a store has.
+
+    Attributes:
+        events: Number of events.
+        root: Root hash of their Merkle tree.
+        rankings: Agents by role, the best first, with the trust of all ratings.
+    """
+
+    events: int
+    root: bytes
+    rankings: Mapping[Role, Ranking]
+
+
+def check_store(
+    store: JournalStore,
+    model: TrustModel[Any],
+    settings: Settings,
+    keys: Mapping[str, Ed25519PublicKey],
+) -> CheckedStore:
+    """Check that each event was signed by its agent and is as its token says, that none is missing,
+    and compute trust.
+
+    Args:
+        store: Store that no manager uses, such as a backup. It is opened.
+        model: Trust model.
+        settings: Length of a round, scale and roles of the manager.
+        keys: Public keys of agents that are known otherwise, by name.
+
+    Raises:
+        ValueError: A setting is not allowed.
+        StoreError: The store cannot be read, or is damaged.
+    """
+    trust = JournalTrust(
+        store, model, settings.every, settings.scale, same_agents=settings.same_agents
+    )
+    store.open()
+    members, tree, seq, end = Members(settings), MerkleTree(), 0, 0.0
+
+    def verified(history: Iterator[Event]) -> Iterator[Event]:
+        nonlocal seq, end
+        for event in history:
+            name = name_of(event.sender)
+            key = members.keys.get(name)
+            yield event
+            key = key or members.keys[name]  # of a registration
+            claims, envelope = read_token(event.token, _KINDS[event.kind])
+            if isinstance(claims, Registration) and keys.get(name, key) != key:
+                raise store.damaged(event.seq, f"{name!r} has another key")
+            recovery, is_recovered = members.recovery.get(name), True
+            if isinstance(claims, Rotation) and recovery is not None:
+                is_recovered = has_recovery(claims, recovery)
+            if not is_recovered or not is_genuine(envelope, KnownKeys({name: key})):
+                raise store.damaged(event.seq, f"{name!r} has not signed it")
+            seq, end = event.seq, event.time / MICROSECONDS
+            tree.append(event_leaf(seq, event.time, event.token))
+            if event.kind == "rating":
+                trust.expect(end)
+
+    members.follow(verified(store.history()), store.damaged)
+    store.check_head(seq, tree.root())
+    trust.advance(end + 2 * settings.every)
+    return CheckedStore(seq, tree.root(), trust.rankings)
