@@ -212,12 +212,20 @@ class NewcomerLimit:
         Args:
             now: Time, nanoseconds.
         """
-        if not 0 <= now - self._start < self._period:  # or the clock has gone back
-            self._start, self._joined = now, 0
-        if self._joined >= self._most:
+        if not self.has_room(now):
             return False
+        if self._is_over(now):
+            self._start, self._joined = now, 0
         self._joined += 1
         return True
+
+    def has_room(self, now: int) -> bool:
+        """Return whether a newcomer may join, see `admits`."""
+        return (0 if self._is_over(now) else self._joined) < self._most
+
+    def _is_over(self, now: int) -> bool:
+        """Return whether the period is over, or the clock has gone back."""
+        return not 0 <= now - self._start < self._period
 
 
 class Membership:

@@ -5,7 +5,7 @@ trust.
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.metadata import version
 from typing import Any
@@ -27,7 +27,6 @@ from roletrust_manager.http.members import Members, name_of
 from roletrust_manager.http.requests import (
     MICROSECONDS,
     Checked,
-    LastRequest,
     Member,
     Receipt,
     RefusedError,
@@ -35,10 +34,9 @@ from roletrust_manager.http.requests import (
     Settings,
     Signed,
     refusal,
-    registered_key,
 )
 from roletrust_manager.http.snapshot import Snapshot, read_snapshot, write_snapshot
-from roletrust_manager.http.tokens import Rating, Registration, Rotation, key_of_text
+from roletrust_manager.http.tokens import Rating, Registration
 from roletrust_manager.journal.checkpoint import Checkpoint, sign_checkpoint, verifier_key
 from roletrust_manager.journal.merkle import MerkleTree
 from roletrust_manager.journal.sql import BLOCK, Event, JournalStore, StoreError, events
@@ -96,7 +94,6 @@ class TrustManager:
         self._clock, self._monotonic, self._read_at = clock, monotonic, monotonic()
         self._made = make(model)
         self._new: list[Event] = []  # of the requests that are being taken
-        self._undo: list[Callable[[], object]] = []  # how to take them back
         self._is_ahead = False  # whether the journal is ahead of the clock
         self._in_doubt = False  # whether the store may have more than is known
         self._failure = ""  # of the model, for good
@@ -126,27 +123,36 @@ class TrustManager:
         self._trust, self._members, self._tree = trust, members, tree
         self._checks = RequestChecks(store.name, settings, members, self._clock, self._n_sent)
         members.validator.refusals = self.refusals
+        self._sent: Counter[str] = Counter()  # ratings of each agent in the running round
         at = (0, 0, 0) if snapshot is None else (snapshot.seq, snapshot.time, snapshot.ratings)
         self._seq, self._time, self._ratings = at
-        members.follow(self._noted(store.history(self._seq, self._time)), store.damaged)
+        for event in store.history(self._seq, self._time):
+            self._tree.append(event_leaf(event.seq, event.time, event.token))
+            self._note(event)
         store.check_head(self._seq, self._tree.root())
         self._kept, self._digests = at[0], [] if snapshot is None else snapshot.digests
-        self._sent: Counter[str] = Counter()  # ratings of each agent in the running round
+        self._sent.clear()
         self.advance()
         running = select(events.c.sender).where(
             events.c.kind == "rating", events.c.seq > self._trust.counted
         )
         self._sent.update(name_of(sender) for (sender,) in store.rows(running))
 
-    def _noted(self, history: Iterable[Event]) -> Iterator[Event]:
-        """Iterate over events and note what is known of all."""
-        for event in history:
-            yield event
-            self._tree.append(event_leaf(event.seq, event.time, event.token))
-            self._seq, self._time = event.seq, event.time
-            if event.kind == "rating":
-                self._trust.expect(event.time / MICROSECONDS)
-                self._ratings += 1
+    def _note(self, event: Event) -> None:
+        """Take an event into account that is in the store.
+
+        Raises:
+            StoreError: No manager has written it.
+        """
+        if not self._members.follow(event):
+            raise self._store.damaged(
+                event.seq, f"{event.sender!r} cannot have sent this {event.kind}"
+            )
+        self._seq, self._time = event.seq, max(event.time, self._time)
+        if event.kind == "rating":
+            self._trust.expect(event.time / MICROSECONDS)
+            self._ratings += 1
+            self._sent[name_of(event.sender)] += 1
 
     @property
     def _about(self) -> dict[str, Any]:
@@ -188,31 +194,48 @@ class TrustManager:
         acknowledged again. Refusals are counted, and change nothing else.
         """
         try:
-            if self._in_doubt and self._store.last() != self._seq:
-                self._replay()
+            if self._in_doubt:
+                self._tree.truncate(self._seq)
+                if self._store.last() != self._seq:
+                    self._replay()
             self._in_doubt = False
             self.advance()
         except StoreError as error:
             return [error] * len(requests)
-        self._take_back(0)  # what is left of requests at which something has broken
-        answers = [self._answer(request) for request in requests]
-        if self._new:
-            try:
-                self._store.append(self._new, self._tree.root())
-            except StoreError as error:
-                self._take_back(0)
-                self._in_doubt = True
-                return [
-                    error if isinstance(answer, list) and answer[-1].seq > self._seq else answer
-                    for answer in answers
-                ]
-            self._seq = self._new[-1].seq
-            if times := [event.time for event in self._new if event.rating is not None]:
-                self._ratings += len(times)
-                self._trust.expect(times[0] / MICROSECONDS)
-            self._new.clear()
-            self._undo.clear()
+        self._new.clear()  # of requests at which something has broken
+        answers, names = list[list[Receipt] | RefusedError | StoreError](), set[str]()
+        for request in requests:
+            mine = {request.name} | ({""} if request.key is None else set())
+            if names & mine:  # which depend on one another
+                self._write(answers)
+                names.clear()
+            names |= mine
+            answers.append(self._answer(request))
+        self._write(answers)
         return answers
+
+    def _write(self, answers: list[list[Receipt] | RefusedError | StoreError]) -> None:
+        """Write the events of some requests, and only then take them into account. If they cannot
+        be written, the answers that acknowledge them become the error.
+        """
+        new, self._new = self._new, []
+        if not new:
+            return
+        try:
+            if self._in_doubt:
+                raise StoreError("the store is in doubt")
+            self._in_doubt = True
+            for event in new:
+                self._tree.append(event_leaf(event.seq, event.time, event.token))
+            self._store.append(new, self._tree.root())
+        except StoreError as error:
+            for at, answer in enumerate(answers):
+                if isinstance(answer, list) and answer[-1].seq > self._seq:
+                    answers[at] = error
+            return
+        for event in new:
+            self._note(event)
+        self._in_doubt = False
 
     def _now(self) -> int:
         """Return the time, microseconds, which never goes back."""
@@ -258,122 +281,75 @@ class TrustManager:
         """Return the receipts of a request, whose events are not in the store yet, or why there are
         none.
         """
-        mark, self._time = len(self._undo), self._time + 1
+        self._time += 1
         try:
-            return self._accept(request)
+            last = self._members.latest.get(request.name)
+            if last is not None and last.digest == request.digest:
+                return last.receipts
+            if not request.signed:  # it was the last request when it was checked
+                hint = f"{request.name} has sent another one"
+                raise RefusedError(RefusalReason.REPLAYED, hint, 0, request.name)
+            if isinstance(request.signed[0].claims, Registration):
+                return self._registered(request.signed[0])
+            new = self._events(request)
         except RefusedError as refused:
-            self._take_back(mark)
             self._members.validator.refuse(refused.sender, refused.reason)
             return refused
         except StoreError as error:
-            self._take_back(mark)
             return error
+        self._new += new
+        return [Receipt(event.seq, event.time / MICROSECONDS) for event in new]
 
-    def _accept(self, request: Checked) -> list[Receipt]:
-        """Return the receipts of a request, which is checked again as far as something may have
-        changed.
+    def _events(self, request: Checked) -> list[Event]:
+        """Return the events of a member's request, which is checked again as far as something may
+        have changed.
 
         Raises:
             RefusedError: A token is refused.
             StoreError: There have been too many rounds without a rating.
         """
-        name, signed, members = request.name, request.signed, self._members
-        if (last := members.latest.get(name)) is not None and last.digest == request.digest:
-            return last.receipts
-        if not signed:  # it was the last request when it was checked
-            raise RefusedError(RefusalReason.REPLAYED, f"{name} has sent another one", 0, name)
-        claims = signed[0].claims
-        if isinstance(claims, Registration):
-            self._checks.check_registration(signed[0])
-            if name in members.by_name:
-                return [members.by_name[name].receipt]
-            self._register(signed[0])
-        elif name not in members.by_name:
+        members, claims = self._members, request.signed[0].claims
+        member = members.by_name.get(request.name)
+        if member is None:
             raise refusal(RefusalReason.UNKNOWN, claims, 0, "register it first")
-        else:
-            if request.key != members.keys[name]:  # which was replaced since
-                raise refusal(RefusalReason.MIS_SIGNED, claims, 0, "sign it with the new key")
-            self._checks.check_order(signed)
-            for token in signed:
-                self._take(token)
-        new = self._new[-len(signed) :]
-        last = LastRequest(new[0].seq, len(new), self._time, request.digest)
-        self._set(members.latest, name, last)
-        return last.receipts
-
-    def _take(self, signed: Signed) -> None:
-        """Take a token of a member, which is valid.
-
-        Raises:
-            StoreError: There have been too many rounds without a rating.
-        """
-        claims, members = signed.claims, self._members.by_name
-        member = members[claims.iss]
-        if not isinstance(claims, Rating):
-            self._append(signed, member.identity)
-            if isinstance(claims, Rotation):
-                self._set(self._members.keys, claims.iss, registered_key(claims))
-                self._set(members, claims.iss, member._replace(key=claims.key))
-            else:
-                self._undo.append(partial(members.__setitem__, claims.iss, members.pop(claims.iss)))
-            return
-        if not self._trust.has_round(self._time / MICROSECONDS):
+        if request.key != members.keys[request.name]:  # which was replaced since
+            raise refusal(RefusalReason.MIS_SIGNED, claims, 0, "sign it with the new key")
+        self._checks.check_order(request.signed)
+        if isinstance(claims, Rating) and not self._trust.has_round(self._time / MICROSECONDS):
             raise StoreError(
                 "there have been too many rounds without a rating; start with a longer --every"
             )
-        self._sent[claims.iss] += 1
-        self._undo.append(partial(self._sent.subtract, {claims.iss: 1}))
-        self._append(signed, member.identity, members[claims.sub].identity, claims.rating)
+        return [self._event(one, at, member.identity) for at, one in enumerate(request.signed)]
 
-    def _register(self, signed: Signed) -> None:
-        """Let an agent join whose registration is valid.
+    def _registered(self, signed: Signed) -> list[Receipt]:
+        """Return the receipt of a registration.
 
         Raises:
-            RefusedError: There are too many newcomers.
+            RefusedError: It is refused.
         """
         claims, members = signed.claims, self._members
-        if not members.limit.admits(self._time * 1000):
+        self._checks.check_registration(signed)
+        if claims.iss in members.by_name:
+            return [members.by_name[claims.iss].receipt]
+        hint = ""
+        if not members.limit.has_room(self._time * 1000):
             hint = f"{self.settings.newcomers:,} in a round are allowed"
-            raise refusal(RefusalReason.CROWDED, claims, 0, hint)
-        if not self._trust.fits(members.begun + 1):
+        elif not self._trust.fits(members.begun + 1):
             hint = f"{self._model} has no room for more agents"
+        if hint:
             raise refusal(RefusalReason.CROWDED, claims, 0, hint)
-        if claims.iss not in members.keys:
-            self._set(members.keys, claims.iss, registered_key(claims))
-            if claims.recovery is not None:
-                self._set(members.recovery, claims.iss, key_of_text(claims.recovery))
-        receipt = Receipt(self._seq + len(self._new) + 1, self._time / MICROSECONDS)
-        self._undo.append(partial(members.unjoin, claims.iss))
-        self._append(signed, members.join(claims, receipt).identity)
+        event = self._event(signed, 0, members.next_identity(claims.iss))
+        self._new.append(event)
+        return [Receipt(event.seq, event.time / MICROSECONDS)]
 
-    def _append(
-        self, signed: Signed, sender: str, provider: str | None = None, rating: float | None = None
-    ) -> None:
-        """Add an event to those that will be written."""
-        claims, seq = signed.claims, self._seq + len(self._new) + 1
-        before = self._members.validator.remember(signed.envelope)
-        self._undo.append(partial(self._members.validator.put_back, claims.iss, before))
-        self._undo.append(partial(self._tree.truncate, seq - 1))
-        self._undo.append(self._new.pop)
-        self._tree.append(event_leaf(seq, self._time, signed.token))
-        self._new.append(
-            Event(
-                seq, claims.kind, self._time, sender, claims.stamp, provider, rating, signed.token
-            )
-        )
-
-    def _set(self, table: dict[str, Any], name: str, value: object) -> None:
-        """Set a value of a table."""
-        undo = partial(table.pop, name)
-        if name in table:
-            undo = partial(table.__setitem__, name, table[name])
-        self._undo.append(undo)
-        table[name] = value
-
-    def _take_back(self, mark: int) -> None:
-        """Undo what was done in memory, down to a mark."""
-        while len(self._undo) > mark:
-            self._undo.pop()()
+    def _event(self, signed: Signed, at: int, sender: str) -> Event:
+        """Return the event of a token, which has a place in its request."""
+        claims, provider, rating = signed.claims, None, None
+        if isinstance(claims, Rating):
+            provider, rating = self._members.by_name[claims.sub].identity, claims.rating
+        seq = self._seq + len(self._new) + at + 1
+        what = (claims.kind, self._time, sender, claims.stamp, provider, rating)
+        return Event(seq, *what, signed.token)
 
     # --- what only reads
     # ----------------------------------------------------------------------------
@@ -508,7 +484,6 @@ class TrustManager:
 
     def close(self) -> None:
         """Release the store, after a snapshot."""
-        self._take_back(0)
         if self._seq - self._kept >= _FEW and not self._in_doubt and not self._failure:
             self._keep()
         self._store.close()

@@ -3,7 +3,7 @@
 import json
 from base64 import urlsafe_b64decode
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from hashlib import sha256
 from typing import Any
 
@@ -83,69 +83,30 @@ class Members:
         """Number of agents that have ever been there; who comes back is another one."""
         return self._begun.total()
 
-    def join(self, claims: Registration, receipt: Receipt) -> Member:
-        """Let an agent join, whose key is known."""
-        name = claims.iss
-        self._begun[name] += 1
-        identity = name if self._begun[name] == 1 else f"{name}{_AGAIN}{self._begun[name]}"
-        self.by_name[name] = Member(name, identity, claims.key, receipt)
-        return self.by_name[name]
+    def next_identity(self, name: str) -> str:
+        """Return the identity that an agent gets if it registers now."""
+        number = self._begun[name] + 1
+        return name if number == 1 else f"{name}{_AGAIN}{number}"
 
-    def unjoin(self, name: str) -> None:
-        """Undo that an agent has joined."""
-        self._begun[name] -= 1
-        del self.by_name[name]
-
-    def follow(self, history: Iterator[Event], damaged: Callable[[int, str], Exception]) -> None:
-        """Take events into account that a manager has acknowledged.
-
-        Args:
-            history: Events, in order.
-            damaged: Function that returns the error of an event, by its number and what is wrong.
+    def follow(self, event: Event) -> bool:
+        """Take an event into account; return whether its agent can have sent it then, and its token
+        says the same.
         """
-        last = dict[str, list[Event]]()  # the events of the last request of each agent
-        for event in history:
-            name = name_of(event.sender)
-            claims = _claims(event.token)
-            if not self._follows(event, name, claims):
-                raise damaged(
-                    event.seq, f"{event.sender!r} cannot have sent this {event.kind} then"
-                )
-            self.validator.remember(Envelope(name, event.stamp, nonce=claims.get("jti") or ""))
-            if name in last and last[name][0].time == event.time:
-                last[name].append(event)
-            else:
-                last[name] = [event]
-        for name, events in last.items():
-            digest = digest_of([event.token for event in events])
-            self.latest[name] = LastRequest(events[0].seq, len(events), events[0].time, digest)
-
-    def _follows(self, event: Event, name: str, claims: dict[str, Any]) -> bool:
-        """Take an event into account; return whether its agent can have sent it, and its token says
-        the same.
-        """
+        name, claims = name_of(event.sender), _claims(event.token)
         member = self.by_name.get(name)
-        envelope = Envelope(name, event.stamp, nonce=claims.get("jti") or "")
-        if not self.validator.is_new(envelope) or (event.kind == "register") != (member is None):
-            return False
+        nonce = claims.get("jti")
+        envelope = Envelope(name, event.stamp, nonce=nonce if isinstance(nonce, str) else "")
         said = claims.get("kind"), claims.get("iss"), _stamp(claims.get("iat"))
-        if said != (event.kind, name, event.stamp):
+        if said != (event.kind, name, event.stamp) or not self.validator.is_new(envelope):
             return False
         if event.kind == "register":
-            try:
-                registration, _ = read_token(event.token, Registration)
-                key = key_of_text(registration.key)
-            except ValueError:
+            if member is not None or not self._joins(event, name):
                 return False
-            if name not in self.keys and registration.recovery is not None:
-                self.recovery[name] = key_of_text(registration.recovery)
-            if self.keys.setdefault(name, key) != key:
-                return False
-            member = self.join(registration, Receipt(event.seq, event.time / MICROSECONDS))
-            self.limit.admits(event.time * 1000)
+        elif member is None or member.identity != event.sender:
+            return False
         elif event.kind == "leave":
             del self.by_name[name]
-        elif event.kind == "rotate" and member is not None:
+        elif event.kind == "rotate":
             try:
                 rotation, _ = read_token(event.token, Rotation)
             except ValueError:
@@ -159,7 +120,31 @@ class Members:
                 return False
             if event.rating is None or claims.get("rating") != event.rating:
                 return False
-        return member is not None and member.identity == event.sender
+        self.validator.remember(envelope)
+        before = self.latest.get(name)
+        if before is None or before.time != event.time:
+            before = LastRequest(event.seq, 0, event.time, "")
+        digest = digest_of([event.token], before.digest)
+        self.latest[name] = before._replace(size=before.size + 1, digest=digest)
+        return True
+
+    def _joins(self, event: Event, name: str) -> bool:
+        """Let an agent join, and return whether it can with that key and identity."""
+        try:
+            claims, _ = read_token(event.token, Registration)
+            key = key_of_text(claims.key)
+        except ValueError:
+            return False
+        if event.sender != self.next_identity(name) or self.keys.get(name, key) != key:
+            return False
+        if name not in self.keys and claims.recovery is not None:
+            self.recovery[name] = key_of_text(claims.recovery)
+        self.keys[name] = key
+        self._begun[name] += 1
+        receipt = Receipt(event.seq, event.time / MICROSECONDS)
+        self.by_name[name] = Member(name, event.sender, claims.key, receipt)
+        self.limit.admits(event.time * 1000)
+        return True
 
     def save(self) -> StoredMembers:
         """Return all that is kept."""
@@ -199,9 +184,13 @@ def name_of(identity: str) -> str:
     return identity.partition(_AGAIN)[0]
 
 
-def digest_of(tokens: Sequence[str]) -> str:
-    """Return the SHA-256 of the tokens of a request."""
-    return sha256("\n".join(tokens).encode()).hexdigest()
+def digest_of(tokens: Sequence[str], digest: str = "") -> str:
+    """Return the digest of the tokens of a request, after that of those before: the SHA-256 of the
+    digest so far and the next token.
+    """
+    for token in tokens:
+        digest = sha256(f"{digest}{token}".encode()).hexdigest()
+    return digest
 
 
 def _claims(token: str) -> dict[str, Any]:

@@ -94,7 +94,7 @@ class Checked(NamedTuple):
 
     Attributes:
         name: Agent that has signed them.
-        digest: SHA-256 of them.
+        digest: Digest of them, see `digest_of`.
         key: Key with which they were signed; None for a registration.
         signed: The tokens; none if they are the last request of the agent, sent again.
     """
@@ -124,7 +124,7 @@ class LastRequest(NamedTuple):
         first: Number of its first event.
         size: Number of its events.
         time: Time of arrival, microseconds.
-        digest: SHA-256 of its tokens.
+        digest: Digest of its tokens, see `digest_of`.
     """
 
     first: int

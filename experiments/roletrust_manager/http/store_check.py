@@ -1,6 +1,6 @@
 """Check of a store by anybody who has a copy: signatures, order and trust."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -22,7 +22,7 @@ from roletrust_manager.http.tokens import (
     read_token,
 )
 from roletrust_manager.journal.merkle import MerkleTree
-from roletrust_manager.journal.sql import Event, JournalStore
+from roletrust_manager.journal.sql import JournalStore
 from roletrust_manager.journal.verify import event_leaf
 
 _KINDS: dict[str, type[Claims]] = {
@@ -71,28 +71,24 @@ def check_store(
     )
     store.open()
     members, tree, seq, end = Members(settings), MerkleTree(), 0, 0.0
-
-    def verified(history: Iterator[Event]) -> Iterator[Event]:
-        nonlocal seq, end
-        for event in history:
-            name = name_of(event.sender)
-            key = members.keys.get(name)
-            yield event
-            key = key or members.keys[name]  # of a registration
-            claims, envelope = read_token(event.token, _KINDS[event.kind])
-            if isinstance(claims, Registration) and keys.get(name, key) != key:
-                raise store.damaged(event.seq, f"{name!r} has another key")
-            recovery, is_recovered = members.recovery.get(name), True
-            if isinstance(claims, Rotation) and recovery is not None:
-                is_recovered = has_recovery(claims, recovery)
-            if not is_recovered or not is_genuine(envelope, KnownKeys({name: key})):
-                raise store.damaged(event.seq, f"{name!r} has not signed it")
-            seq, end = event.seq, event.time / MICROSECONDS
-            tree.append(event_leaf(seq, event.time, event.token))
-            if event.kind == "rating":
-                trust.expect(end)
-
-    members.follow(verified(store.history()), store.damaged)
+    for event in store.history():
+        name = name_of(event.sender)
+        key = members.keys.get(name)
+        if not members.follow(event):
+            raise store.damaged(event.seq, f"{name!r} cannot have sent this {event.kind}")
+        key = key or members.keys[name]  # of a registration
+        claims, envelope = read_token(event.token, _KINDS[event.kind])
+        if isinstance(claims, Registration) and keys.get(name, key) != key:
+            raise store.damaged(event.seq, f"{name!r} has another key")
+        recovery, is_recovered = members.recovery.get(name), True
+        if isinstance(claims, Rotation) and recovery is not None:
+            is_recovered = has_recovery(claims, recovery)
+        if not is_recovered or not is_genuine(envelope, KnownKeys({name: key})):
+            raise store.damaged(event.seq, f"{name!r} has not signed it")
+        seq, end = event.seq, event.time / MICROSECONDS
+        tree.append(event_leaf(seq, event.time, event.token))
+        if event.kind == "rating":
+            trust.expect(end)
     store.check_head(seq, tree.root())
     trust.advance(end + 2 * settings.every)
     return CheckedStore(seq, tree.root(), trust.rankings)

@@ -420,18 +420,22 @@ def check_failures(manager: OneByOne, ann: Agent) -> None:
 def test_a_batch_that_breaks_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with managed(tmp_path / "s", clock := Clock()) as manager:
         ann, bob = joined(manager, clock, "ann", "bob")
-        one, other = ann.rating("bob", 1), bob.rating("ann", 1)
+        new, other = Agent("new", clock), bob.rating("ann", 1)
         with monkeypatch.context() as patch:
-            patch.setattr(
-                TrustManager,
-                "_take",
-                lambda self, signed: self._append(signed, "ann", "bob", 1.0) or 1 / 0,
-            )
-            with pytest.raises(ZeroDivisionError):
-                manager.take([manager.check(Request(Rating, [one]))])
+            for broken in ("_registered", "_note"):
+                patch.setattr(TrustManager, broken, lambda *_: 1 / 0)
+                checked = manager.check(Request(Rating, [ann.rating("bob", 1)]))
+                newcomer = manager.check(Request(Registration, [new.registration()]))
+                with pytest.raises(ZeroDivisionError):
+                    manager.take([checked, newcomer] if broken == "_registered" else [checked])
+                patch.undo()
         manager.rate([other])
-        assert manager.export()[0].splitlines()[1].startswith("bob,ann,1.0,")
-        assert manager.about()["ratings"] == 1
+        lines = manager.export()[0].splitlines()[1:]
+        assert [line[:11] for line in lines] == [
+            "ann,bob,1.0",
+            "bob,ann,1.0",
+        ]  # the first was written
+        assert manager.about()["ratings"] == 2
 
 
 @pytest.mark.parametrize(
