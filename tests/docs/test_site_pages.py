@@ -12,19 +12,21 @@ from pages import refused
 from pybtex.database import parse_file
 
 import roletrust_env
-from roletrust_env import Game
+from roletrust_env import Game, make_scenario
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.logs.models import LOG_MODELS
 from roletrust_env.metrics import Score, damage
 from roletrust_env.trust.model import registry as models
 from roletrust_env.trust.models.personal.travos import Travos
+from roletrust_env.world.presets import scenarios
 from roletrust_experiments.commands.catalogue import all_attackers, all_models
 from site_pages import pictures, whole_streams
 from site_pages.commands import everything, markdown, roletrust
 from site_pages.docstrings import as_written, formula_of, formulas, readable, typeset
 from site_pages.pages import cited
 from site_pages.pictures import ATTACKS, CARD, draw, how_shown
+from site_pages.scenario_files import as_toml
 
 pytestmark = pytest.mark.slow
 
@@ -208,3 +210,10 @@ def test_printed_lines_that_came_in_pieces_are_whole():
         "careful\n",
         picture,
     )
+
+
+@pytest.mark.parametrize("name", sorted(scenarios()))
+def test_scenarios_are_shown_as_files_that_can_be_read(name, tmp_path):
+    scenario = make_scenario(name).change(description='a "quoted" \\ name\n\x7f')
+    (tmp_path / f"{name}.toml").write_text(as_toml(scenario), encoding="utf-8")
+    assert make_scenario(tmp_path / f"{name}.toml") == scenario

@@ -18,7 +18,6 @@ from roletrust_env.envs.attack_env import TASKS, AttackEnv
 from roletrust_env.envs.parallel import RoleTrustParallelEnv, parallel_env
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.storage.files import write_text
-from roletrust_env.storage.scenario_files import as_toml
 from roletrust_env.trust.model import registry as models
 from roletrust_env.world.presets import registry as scenarios
 from roletrust_experiments.commands.catalogue import (
@@ -31,6 +30,7 @@ from roletrust_experiments.commands.catalogue import (
 )
 from site_pages.commands import everything, roletrust
 from site_pages.pictures import CARD, GAMES, MODEL, Drawn, draw, file_name, how_shown
+from site_pages.scenario_files import as_toml
 from studies.models import ROUNDS, SCENARIO
 
 Pages = dict[str, str]

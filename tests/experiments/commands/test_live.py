@@ -12,6 +12,7 @@ from command_line import printed, run
 from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 from refusals import assert_names, refuses
 
+from roletrust_experiments.commands import console
 from roletrust_experiments.commands.console import progress_bar
 from roletrust_experiments.commands.live import demo, pace
 from roletrust_experiments.commands.live.demo import _latencies_ms, curves_from_rounds
@@ -79,6 +80,8 @@ def test_a_public_key_is_replaced_on_demand_only(tmp_path):
         (["manager", "j", "--model", "nonsense"], ("nonsense",)),
         (["record", "saved", "--recover", "nowhere"], ("nowhere",)),
         (["keys", "keys", "../sr_0"], ("../sr_0",)),
+        (["manager", "j", "--recording", "nowhere"], ("nowhere",)),
+        (["demo", "--seconds", "30"], ("seconds", "30", "bad-mouthing")),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line(arguments, words, tmp_path, monkeypatch):
@@ -211,16 +214,35 @@ def test_a_node_that_fails_at_the_end_is_named(code, words):
     node.kill.assert_called_once()
 
 
-def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):
-    notes, mask = random_ratings(10)
-    with Recorder(tmp_path / "bag") as recorder:
-        for r in range(10):
+def record_ratings(folder, ratings, mask):
+    """Write a recording of ratings (R, S, P), one message per rater and round."""
+    with Recorder(folder) as recorder:
+        for r in range(len(ratings)):
             for i, name in enumerate(TEAM.raters):
-                row = {p: notes[r, i, j] for j, p in enumerate(TEAM.providers) if mask[r, i, j]}
+                row = {p: ratings[r, i, j] for j, p in enumerate(TEAM.providers) if mask[r, i, j]}
                 raw = messages.encode(messages.ratings_message(name, PERIOD * (r + 1), row))
                 recorder.write(
                     RecordedMessage(PERIOD * (r + 1) + i, f"/{name}/ratings", messages.RATINGS, raw)
                 )
+
+
+def test_a_replay_shows_its_progress(tmp_path, monkeypatch):
+    monkeypatch.setattr(console, "_PERIOD", 0.0)
+    record_ratings(tmp_path / "bag", *random_ratings(40))
+    done = run("live", "manager", tmp_path / "journal", "--recording", tmp_path / "bag")
+    stage = "Playing bag"
+    shares = [
+        line.removeprefix(stage).split()[0]
+        for line in done.output.splitlines()
+        if line.startswith(stage)
+    ]
+    assert len(shares) > 100, done.output
+    assert shares[-1] == "100%"
+
+
+def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):
+    notes, mask = random_ratings(10)
+    record_ratings(tmp_path / "bag", notes, mask)
     printed(
         "live", "manager", tmp_path / "journal", "--recording", tmp_path / "bag", "--model", "mean"
     )

@@ -13,7 +13,6 @@ _HERE = "roletrust_experiments.commands.live"
         "manager": f"{_HERE}.nodes:manager",
         "keys": f"{_HERE}.nodes:keys",
         "record": f"{_HERE}.recordings:record",
-        "scenario": f"{_HERE}.recordings:scenario",
     },
     add_completion=False,
 )

@@ -8,10 +8,10 @@ import typer
 
 from roletrust_env import Game, JointPolicy, Policy, make_scenario
 from roletrust_env import Scenario as Rules
+from roletrust_env.errors import printable
 from roletrust_env.evaluation.specs import parse_attacks, parse_trust_model
 from roletrust_env.game.policy import Channel
 from roletrust_env.storage.files import replacing
-from roletrust_env.storage.scenario_files import printable_name
 from roletrust_env.trust import TrustModel
 from roletrust_experiments.commands.console import errors, progress_bar, stage, tell
 from roletrust_experiments.commands.extras import require_live
@@ -223,7 +223,7 @@ def _replay(
         manager.close()
     counts = manager.validator.refusals.items()
     refusals = ", ".join(
-        f"{printable_name(rater) or 'unknown'} {reason}: {n}" for (rater, reason), n in counts
+        f"{printable(rater) or 'unknown'} {reason}: {n}" for (rater, reason), n in counts
     )
     tell(f"{rounds} rounds, written to {journal}; refused: {refusals or 'nothing'}")
 
