@@ -72,9 +72,6 @@ def serve(
     tolerance: Annotated[
         float, _manager(min=0, help="Seconds between signing and the manager's clock.")
     ] = 60.0,
-    rounds: Annotated[
-        bool, _manager("--rounds", help="Answer the protocol of rounds, too, at /rounds.")
-    ] = False,
 ) -> None:
     r"""Answer [bold]ratings with trust[/], for programs in any language; with --store, [bold]for
     agents[/].
@@ -105,7 +102,7 @@ def serve(
     """
     if store is not None:
         settings = (every, scale, same_agents, work, quota, newcomers, tolerance)
-        _manage(model, store, name, settings, host, 8000 if port is None else port, rounds=rounds)
+        _manage(model, store, name, settings, host, 8000 if port is None else port)
         return
     of_manager = {
         parameter.opts[0]
@@ -135,8 +132,6 @@ def _manage(
     settings: tuple[Any, ...],
     host: str,
     port: int,
-    *,
-    rounds: bool,
 ) -> None:
     """Be a trust manager, until a signal ends it."""
     require(
@@ -164,7 +159,7 @@ def _manage(
     try:
         with socket.create_server((host, port), family=family, backlog=1024) as listener:
             manager = TrustManager(journal, model, Settings(*settings), make=make_log_model)
-            app = make_app(manager, TrustService(make_log_model(model)) if rounds else None)
+            app = make_app(manager)
             url = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
             tell(f"{manager.name} answers with {model} at {url}; Ctrl-C ends it", where=errors)
             sys.setswitchinterval(_SWITCH_S)

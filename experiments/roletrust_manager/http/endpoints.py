@@ -20,7 +20,6 @@ from starlette.routing import Match
 
 from roletrust_env.errors import printable
 from roletrust_env.logs.explain import Explanation as Found
-from roletrust_env.trust.service import TrustService
 from roletrust_manager.admission.validation import RefusalReason
 from roletrust_manager.http import answers
 from roletrust_manager.http.journal_trust import RoundEnd
@@ -60,7 +59,6 @@ _WORDS = {
 }
 _MOST_BYTES = {
     "/ratings": answers.MAX_TOKENS * (MAX_TOKEN + 16),
-    "/rounds": 16_000_000,
 }  # of a body
 _FEW_BYTES = 64_000
 _MOST_UNDER_WAY = 32_000_000  # bytes of all bodies beyond the first of each
@@ -92,11 +90,10 @@ class Endpoints:
 
     Args:
         manager: Manager.
-        rounds: Answers the protocol of rounds; None if it is left out.
     """
 
-    def __init__(self, manager: TrustManager, rounds: Any) -> None:
-        self._manager, self._rounds, self._playing = manager, rounds, asyncio.Lock()
+    def __init__(self, manager: TrustManager) -> None:
+        self._manager = manager
         self._writer = RequestWriter(manager)
         self._streams = set[asyncio.Queue[str | None]]()
         self._explaining = asyncio.Lock()
@@ -298,20 +295,6 @@ class Endpoints:
             counts[reason.value] += count
         return answers.Refusals(refusals=dict(counts))
 
-    async def play_rounds(self, request: HttpRequest) -> PlainTextResponse:
-        """Answer messages of the protocol of rounds with trust, a line of JSON for each."""
-        body = await request.body()
-        try:
-            async with self._playing:
-                text = await run_in_threadpool(
-                    self._rounds.answer_lines, body.decode("utf-8", "replace")
-                )
-        except ValueError as error:
-            return PlainTextResponse(f"{printable(str(error))}\n", 400)
-        except Exception as error:  # a model of another package may raise anything
-            return PlainTextResponse(f"{type(error).__name__}: {printable(str(error))}\n", 500)
-        return PlainTextResponse(text)
-
     def _agent(self, member: Member) -> answers.Agent:
         provider, rater = (
             answers.AgentTrust(**standing._asdict()) for standing in self._manager.standings(member)
@@ -402,14 +385,13 @@ class BodyLimit:
             self._under_way -= held
 
 
-def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
+def make_app(manager: TrustManager) -> Any:
     """Return a manager as an application of ASGI, made by FastAPI.
 
     Args:
         manager: Manager.
-        rounds: Answers the protocol of rounds at `/rounds`; None to leave it out.
     """
-    ends = Endpoints(manager, rounds)
+    ends = Endpoints(manager)
     app = FastAPI(
         title="RoleTrust manager",
         description="Agents report ratings of one another, and ask whom to trust.",
@@ -475,8 +457,6 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
     add("GET", "/inclusion", ends.inclusion, 422)
     add("GET", "/consistency", ends.consistency, 422)
     add("GET", "/refusals", ends.refusals)
-    if rounds is not None:
-        add("POST", "/rounds", ends.play_rounds, include_in_schema=False)
     app.add_middleware(BodyLimit, refuse=lambda: refuse(RefusalReason.TOO_LARGE))
 
     async def refused(request: Any, error: RefusedError) -> JSONResponse:

@@ -1,6 +1,5 @@
 """The trust manager on HTTP: each endpoint, each status, and what is described."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,8 +8,6 @@ import pytest
 from fastapi.testclient import TestClient
 from signing_agents import NAME, Agent, Clock, managed
 
-from roletrust_env.trust import make_trust_model
-from roletrust_env.trust.service import TrustService
 from roletrust_manager.http.endpoints import make_app
 from roletrust_manager.journal.checkpoint import read_checkpoint, read_verifier_key
 from roletrust_manager.journal.sql import JournalStore, StoreError
@@ -31,7 +28,7 @@ def clock() -> Clock:
 @pytest.fixture
 def client(tmp_path: Path, clock: Clock) -> Iterator[TestClient]:
     with managed(tmp_path / "s", clock) as manager:
-        app = make_app(manager, TrustService(make_trust_model("mean")))
+        app = make_app(manager)
         with TestClient(app) as client:
             yield client
 
@@ -179,17 +176,3 @@ def test_exports_come_in_pages_and_can_be_checked(client: TestClient, clock: Clo
     check_consistent(checkpoint, newer, [bytes.fromhex(node) for node in nodes])
     for wrong in ("inclusion?seq=9&size=8", "inclusion?seq=1&size=9", "consistency?old=8&new=7"):
         assert client.get(f"/{wrong}").status_code == 422
-
-
-def test_the_protocol_of_rounds_is_answered_as_ever(client: TestClient):
-    service = TrustService(make_trust_model("mean"))
-    lines = [
-        json.dumps(
-            {"game": 1, "round": n, "raters": 1, "providers": 2, "ratings": [[0, 1, 0.9]] * n}
-        )
-        for n in (0, 1)
-    ]
-    assert client.post("/rounds", content="\n".join(lines)).text.splitlines() == [
-        service.answer(line) for line in lines
-    ]
-    assert client.post("/rounds", content="{}").status_code == 400

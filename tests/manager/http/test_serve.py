@@ -17,7 +17,6 @@ from refusals import assert_names
 from signing_agents import NAME, Agent
 from typer.testing import CliRunner
 
-from roletrust_env.logs import write_log
 from roletrust_experiments.cli import app
 
 COMMAND = [sys.executable, "-c", "from roletrust_experiments import main; main()"]
@@ -120,25 +119,3 @@ def test_a_manager_tells_of_rounds_and_goes_on_after_its_end(tmp_path: Path):
     for agent in (*before, *after):
         del agent["time"]
     assert after == before
-
-
-@pytest.mark.slow
-def test_an_audit_of_the_manager_is_that_of_its_model(tmp_path: Path):
-    write_log(tmp_path / "log.csv.gz", members=20, months=6)
-    found = []
-    with served("--store", tmp_path / "trust.sqlite", "--rounds", model="beta") as url:
-        for model in ("beta", f"{url}/rounds"):
-            command = [
-                *COMMAND,
-                "audit",
-                str(tmp_path / "log.csv.gz"),
-                *AUDIT,
-                "--model",
-                model,
-                "--out",
-                str(tmp_path),
-            ]
-            subprocess.run(command, check=True, capture_output=True)
-            found.append(json.loads((tmp_path / "audit.json").read_text()))
-            del found[-1]["model"]
-    assert found[0] == found[1]
