@@ -5,10 +5,12 @@ import base64
 import hmac
 import json
 import resource
+import shutil
 import socket
+import sqlite3
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -323,3 +325,90 @@ def test_a_request_that_does_not_arrive_is_cut_and_counted(tmp_path: Path):
         listener.setblocking(False)
         with pytest.raises(BlockingIOError):  # it is still listened to
             listener.recv(1000)
+
+
+def memory_mb(manager: Served) -> float:
+    status = Path(f"/proc/{manager.process.pid}/status").read_text()
+    return int(status.partition("VmRSS:")[2].split()[0]) / 1000
+
+
+@pytest.mark.slow
+def test_bodies_and_answers_under_way_are_bounded(tmp_path: Path):
+    """100 large bodies that do not end, and 100 readers of a page of 10,000 ratings that do not
+    read."""
+    ann, others = Agent(ANN.name, time.time), [Agent(f"b{n}", time.time) for n in range(1000)]
+    options = "--quota", 100_000, "--newcomers", 2000
+    with served("--store", tmp_path / "s", *options, function=unread) as manager:
+        for agent in (ann, *others):
+            post(manager, "/agents", body(agent.registration(0)))
+        for _ in range(10):
+            tokens = [ann.rating(one.name, 0.5) for one in others]
+            assert post(manager, "/ratings", body(*tokens)).status_code == 201
+        before = memory_mb(manager)
+        start = (
+            b"POST /ratings HTTP/1.1\r\nHost: m\r\nContent-Type: application/json\r\n"
+            b"Content-Length: 4000000\r\n\r\n" + b" " * 3_900_000
+        )
+        with ExitStack() as stack:
+            for _ in range(100):
+                client = stack.enter_context(connection(manager.port))
+                client.settimeout(0.3)
+                with suppress(OSError):
+                    client.sendall(start)
+            assert memory_mb(manager) - before < 100
+            assert post(manager, "/ratings", body(ann.rating("b1", 1))).status_code == 201
+        with ExitStack() as stack:
+            for _ in range(100):
+                client = stack.enter_context(connection(manager.port))
+                client.sendall(b"GET /ratings HTTP/1.1\r\nHost: m\r\n\r\n")
+            assert post(manager, "/ratings", body(ann.rating("b1", 1))).status_code == 201
+            assert _http.get(f"{manager.url}/ratings").status_code == 503
+            assert memory_mb(manager) - before < 150
+            time.sleep(1.5)
+            answer = _http.get(f"{manager.url}/ratings")  # those that do not read were cut
+            assert (answer.status_code, answer.text.count("\n")) == (200, 10_001)
+
+
+def unread() -> None:
+    """`roletrust`, whose answers have to be read within half a second."""
+    connections._READING_S = 0.5
+    main()
+
+
+@pytest.mark.slow
+def test_a_flood_of_old_tokens_costs_less_than_what_it_repeats(tmp_path: Path):
+    ann, bob = Agent(ANN.name, time.time), Agent(BOB.name, time.time)
+    with served("--store", tmp_path / "s", "--quota", 100_000) as manager:
+        for agent in (ann, bob):
+            post(manager, "/agents", body(agent.registration()))
+        old = [ann.rating(BOB.name, 1) for _ in range(200)]
+        for token in old:
+            post(manager, "/ratings", body(token))
+        spent = manager.cpu_s
+        for token in [ann.rating(BOB.name, 1) for _ in range(200)]:
+            post(manager, "/ratings", body(token))
+        once, content = (manager.cpu_s - spent) / 200, body(*old)
+        spent = manager.cpu_s
+        for _ in range(200):
+            assert post(manager, "/ratings", content).status_code == 409
+        assert (manager.cpu_s - spent) / 200 < 3 * once
+        answers = {post(manager, "/ratings", content).status_code for _ in range(1500)}
+        assert 409 in answers
+
+
+@pytest.mark.slow
+def test_a_store_is_whole_after_an_orderly_end_and_takes_nothing_when_it_is_gone(tmp_path: Path):
+    ann, bob = Agent(ANN.name, time.time), Agent(BOB.name, time.time)
+    with served("--store", tmp_path / "s") as manager:
+        for agent in (ann, bob):
+            post(manager, "/agents", body(agent.registration()))
+        for _ in range(30):
+            post(manager, "/ratings", body(ann.rating(BOB.name, 1)))
+    shutil.copy(tmp_path / "s", tmp_path / "copy")
+    with closing(sqlite3.connect(tmp_path / "copy")) as copy:
+        assert copy.execute("select count(*) from events").fetchone() == (32,)
+    with served("--store", tmp_path / "s") as manager:
+        for path in tmp_path.glob("s*"):
+            path.unlink()
+        answer = post(manager, "/ratings", body(ann.rating(BOB.name, 1)))
+        assert (answer.status_code, answer.json()["reason"]) == (503, "not stored")
