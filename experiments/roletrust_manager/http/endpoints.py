@@ -50,7 +50,7 @@ _STATUS: dict[RefusalReason, int] = {
 _WORDS = {
     401: "A token is not signed by its agent, or not now",
     403: "An agent is not registered, or a token is not for this",
-    404: "There is no such agent",
+    404: "There is no such agent or event",
     409: "A token has come before, or a name is taken",
     413: "The body is too large",
     422: "The request is not valid",
@@ -454,8 +454,8 @@ def make_app(manager: TrustManager) -> Any:
         response_class=StreamingResponse,
     )
     add("GET", "/checkpoint", ends.checkpoint, response_class=PlainTextResponse)
-    add("GET", "/inclusion", ends.inclusion, 422)
-    add("GET", "/consistency", ends.consistency, 422)
+    add("GET", "/inclusion", ends.inclusion, 404, 422)
+    add("GET", "/consistency", ends.consistency, 404, 422)
     add("GET", "/refusals", ends.refusals)
     app.add_middleware(BodyLimit, refuse=lambda: refuse(RefusalReason.TOO_LARGE))
 
@@ -491,7 +491,8 @@ def make_app(manager: TrustManager) -> Any:
                 "unknown path",
                 f"there is no {request.url.path[:_SHOWN_PATH]}; there are {paths}",
             )
-        reasons = {404: "unknown agent", 413: RefusalReason.TOO_LARGE.value, 503: "busy"}
+        unknown = "unknown agent" if request.url.path.startswith("/agents") else "unknown event"
+        reasons = {404: unknown, 413: RefusalReason.TOO_LARGE.value, 503: "busy"}
         reason = reasons.get(error.status_code, "invalid")
         headers = dict(error.headers or {})
         if "Allow" in headers:  # which has the methods of one endpoint of the path
@@ -520,7 +521,7 @@ def _proof(prove: Callable[[int, int], list[bytes]], one: int, other: int) -> an
     try:
         return answers.Proof(hashes=[node.hex() for node in prove(one, other)])
     except ValueError as error:
-        raise HTTPException(422, str(error)) from None
+        raise HTTPException(404, str(error)) from None
 
 
 def _text(kind: str, status: int = 200) -> dict[int | str, Any]:

@@ -364,14 +364,14 @@ def test_bodies_and_answers_under_way_are_bounded(tmp_path: Path):
             assert post(manager, "/ratings", body(ann.rating("b1", 1))).status_code == 201
             assert _http.get(f"{manager.url}/ratings").status_code == 503
             assert memory_mb(manager) - before < 150
-            time.sleep(1.5)
+            time.sleep(4)
             answer = _http.get(f"{manager.url}/ratings")  # those that do not read were cut
             assert (answer.status_code, answer.text.count("\n")) == (200, 10_001)
 
 
 def unread() -> None:
-    """`roletrust`, whose answers have to be read within half a second."""
-    connections._READING_S = 0.5
+    """`roletrust`, whose answers have to be read within three seconds."""
+    connections._READING_S = 3.0
     main()
 
 
