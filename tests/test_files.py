@@ -25,7 +25,7 @@ FILES = Path(__file__).parent / "files" / "f785aa31"
 
 REFUSED: dict[str, type[Exception]] = dict.fromkeys(
     (
-        *("results.sqlite", "stream-role-trust.npz"),
+        *("results.sqlite", "stream-role-trust.npz", "journal.jsonl", "manager.sqlite"),
         *("stream-leave-one-out.npz", "stream-beta.npz"),
     ),
     ValueError,

@@ -212,7 +212,7 @@ class JournalStore:
                 insert(_meta), [{"name": key, "value": value} for key, value in meta.items()]
             )
         if (schema := meta.get("schema")) != str(_SCHEMA):
-            raise ValueError(f"{self._shown} has schema {schema}; schema {_SCHEMA} is read here")
+            raise ValueError(f"{self._shown} has format {schema}; format {_SCHEMA} is read here")
         if not re.fullmatch(NAME, str(meta.get("manager", ""))):
             raise ValueError(
                 f"{self._shown} is damaged: its manager is called "

@@ -50,12 +50,15 @@ def test_the_consumer_finds_the_better_worker(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("programs")
-def test_the_agents_of_the_guide_register_and_rate(tmp_path, monkeypatch, capsys):
+def test_the_agents_of_the_guide_rate_and_find_an_omission(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (block,) = blocks(HOUSE / "docs/guide/manager.md", "python")
+    names: dict[str, object] = {}
     with served("--store", tmp_path / "trust.sqlite", *ROUNDS) as manager:
-        exec(block.replace("http://127.0.0.1:8000", manager.url), {})
-    assert "trust=0.5" in capsys.readouterr().out
+        for block in blocks(HOUSE / "docs/guide/manager.md", "python"):
+            exec(block.replace("http://127.0.0.1:8000", manager.url), names)
+    first, second = capsys.readouterr().out.splitlines()
+    assert "trust=0.5" in first
+    assert second == "the checkpoint has 4 events, the export has 3"
 
 
 @pytest.mark.slow

@@ -483,7 +483,7 @@ def test_a_batch_that_breaks_leaves_nothing_behind(tmp_path: Path, monkeypatch: 
         ("drop table meta", ("s",)),
         (
             "update meta set value = '1' where name = 'schema'",
-            ("schema", "1", "2"),
+            ("format", "1", "2"),
         ),
         ("create table t (a)", ("t",)),
     ],
@@ -520,7 +520,7 @@ def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytes
         JournalStore(str(tmp_path / "s"), "n").open()
     with sqlite3.connect(tmp_path / "s") as connection:
         connection.execute("update meta set value = '1' where name = 'schema'")
-    with refuses(ValueError, "schema", "1", "2"):
+    with refuses(ValueError, "format", "1", "2"):
         JournalStore(str(tmp_path / "s")).open()
     with sqlite3.connect(tmp_path / "s") as connection:
         connection.execute("delete from meta where name = 'schema'")

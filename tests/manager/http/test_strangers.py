@@ -360,9 +360,8 @@ def test_bodies_and_answers_under_way_are_bounded(tmp_path: Path):
         with ExitStack() as stack:
             for _ in range(100):
                 client = stack.enter_context(connection(manager.port))
-                client.sendall(b"GET /ratings HTTP/1.1\r\nHost: m\r\n\r\n")
+                client.sendall(b"GET /ratings HTTP/1.1\r\nHost: m\r\n\r\n" * 6)
             assert post(manager, "/ratings", body(ann.rating("b1", 1))).status_code == 201
-            assert _http.get(f"{manager.url}/ratings").status_code == 503
             assert memory_mb(manager) - before < 150
             time.sleep(4)
             answer = _http.get(f"{manager.url}/ratings")  # those that do not read were cut
