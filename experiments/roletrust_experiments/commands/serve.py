@@ -4,6 +4,7 @@ import gc
 import signal
 import socket
 import sys
+from contextlib import closing
 from functools import partial
 from typing import Annotated, Any
 
@@ -157,8 +158,13 @@ def _manage(
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     journal = JournalStore(store, name)
     try:
-        with socket.create_server((host, port), family=family, backlog=1024) as listener:
-            manager = TrustManager(journal, model, Settings(*settings), make=make_log_model)
+        with (
+            closing(journal),
+            socket.create_server((host, port), family=family, backlog=1024) as listener,
+            closing(
+                TrustManager(journal, model, Settings(*settings), make=make_log_model)
+            ) as manager,
+        ):
             app = make_app(manager)
             url = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
             tell(f"{manager.name} answers with {model} at {url}; Ctrl-C ends it", where=errors)
@@ -176,5 +182,3 @@ def _manage(
             uvicorn.Server(config).run(sockets=[listener])
     except KeyboardInterrupt:
         raise typer.Exit(130) from None
-    finally:
-        journal.close()

@@ -192,10 +192,11 @@ class TrustClient:
             content["recovery"] = key_as_text(recovery)
         return self._send(TokenReceipt, "POST", "/agents", Registration, [content])
 
-    def rotate(self, recovery: Ed25519PrivateKey | None = None) -> TokenReceipt:
+    def rotate(self, recovery: Ed25519PrivateKey | None = None) -> None:
         """Replace the key of the agent by a new one, which is then in its folder.
 
-        If there is no answer, call it again: the new key waits in the folder `next`.
+        If it breaks off, call it again: the new key waits in the folder `next` until the manager
+        has it.
 
         Args:
             recovery: Private key of the owner, if its public key was registered.
@@ -211,13 +212,12 @@ class TrustClient:
         make_keys(folder, [self.name])
         signer = Signer(folder, self.name)
         content = {"key": key_as_text(signer.key.public_key())}
-        if recovery is not None:
-            self._recovery = recovery
-        receipt = self._send(TokenReceipt, "PUT", f"/agents/{self.name}", Rotation, [content])
+        self._recovery = recovery
+        if self.ask(self.name).key != content["key"]:
+            self._send(TokenReceipt, "PUT", f"/agents/{self.name}", Rotation, [content])
         for suffix in (".pub", ".key"):
             (folder / f"{self.name}{suffix}").replace(self._keys / f"{self.name}{suffix}")
         self._signer = signer
-        return receipt
 
     def rate(self, provider: str, rating: float) -> TokenReceipt:
         """Rate a provider, on the scale of the manager; see `rate_all`."""

@@ -119,7 +119,6 @@ class Endpoints:
             self._refused.clear()
             try:
                 await self._writer.run(self._manager.advance)
-                self._told = ""
             except StoreError as error:
                 self.log(error)
 
@@ -181,13 +180,16 @@ class Endpoints:
         """
         address = "" if sender.client is None else sender.client.host
         if self._refused[address] >= _MOST_REFUSED:
+            self._manager.validator.refuse("", RefusalReason.FLOOD)
             hint = f"{_MOST_REFUSED:,} refusals in a moment are allowed, so try again later"
             raise RefusedError(RefusalReason.FLOOD, hint)
         try:
-            return await self._writer.take(request)
+            receipts = await self._writer.take(request)
         except RefusedError:
             self._refused[address] += 1
             raise
+        self._told = ""
+        return receipts
 
     async def agents(
         self,

@@ -441,8 +441,8 @@ class TrustManager:
         return "".join(["" if after else "rater,ratee,rating,time,token\n", *lines]), following
 
     def journal(self, after: int = 0, limit: int = MOST_ROWS) -> tuple[str, int | None]:
-        """Return a page of all events as CSV, from which `roletrust manager check` computes trust
-        and checkpoints, see `export`.
+        """Return a page of all events as CSV, of which anybody can compute the root hash, see
+        `export` and `event_leaf`.
         """
         rows, following = self._page(after, limit, self._seq)
         lines = [f"{row.seq},{_decimal(row.time)},{row.token}\n" for row in rows]

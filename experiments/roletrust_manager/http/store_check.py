@@ -60,7 +60,7 @@ def check_store(
         store: Store that no manager uses, such as a backup. It is opened.
         model: Trust model.
         settings: Length of a round, scale and roles of the manager.
-        keys: Public keys of agents that are known otherwise, by name.
+        keys: Public keys that agents have or had, which are known otherwise, by name.
 
     Raises:
         ValueError: A setting is not allowed.
@@ -71,6 +71,7 @@ def check_store(
     )
     store.open()
     members, tree, seq, end = Members(settings), MerkleTree(), 0, 0.0
+    seen, unknown = set[str](), dict[str, int]()  # agents whose known key has not come yet
     for event in store.history():
         name = name_of(event.sender)
         key = members.keys.get(name)
@@ -78,8 +79,11 @@ def check_store(
             raise store.damaged(event.seq, f"{name!r} cannot have sent this {event.kind}")
         key = key or members.keys[name]  # of a registration
         claims, envelope = read_token(event.token, _KINDS[event.kind])
-        if isinstance(claims, Registration) and keys.get(name, key) != key:
-            raise store.damaged(event.seq, f"{name!r} has another key")
+        if keys.get(name) == members.keys[name]:
+            unknown.pop(name, None)
+        elif event.kind == "register" and name in keys and name not in seen:
+            unknown[name] = event.seq
+        seen.add(name)
         recovery, is_recovered = members.recovery.get(name), True
         if isinstance(claims, Rotation) and recovery is not None:
             is_recovered = has_recovery(claims, recovery)
@@ -89,6 +93,8 @@ def check_store(
         tree.append(event_leaf(seq, event.time, event.token))
         if event.kind == "rating":
             trust.expect(end)
+    for name, first in unknown.items():
+        raise store.damaged(first, f"{name!r} has another key")
     store.check_head(seq, tree.root())
     trust.advance(end + 2 * settings.every)
     return CheckedStore(seq, tree.root(), trust.rankings)

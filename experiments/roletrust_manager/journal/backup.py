@@ -39,6 +39,7 @@ def back_up(journal: Path, out: Path) -> None:
         raise FileExistsError(f"{out} exists already; a backup needs a new file")
     is_sqlite = is_database(journal)
     with replacing(out) as temporary:
+        temporary.touch(journal.stat().st_mode & 0o777)
         if not is_sqlite:
             with journal.open("rb") as file, temporary.open("wb") as copy:
                 shutil.copyfileobj(file, copy)

@@ -9,6 +9,7 @@ class HeldFile:
 
     Args:
         path: Path of the file; it is created if it does not exist.
+        mode: Permissions of a new file.
 
     Attributes:
         number: Number of the open file.
@@ -18,11 +19,11 @@ class HeldFile:
         OSError: It cannot be opened.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, mode: int = 0o644) -> None:
         import fcntl  # some systems lack it, and the rest of the project runs there
 
         self._path = path
-        self.number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        self.number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, mode)
         try:
             fcntl.flock(self.number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BaseException:

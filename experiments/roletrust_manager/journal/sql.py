@@ -162,7 +162,7 @@ class JournalStore:
             return
         if self.path is not None:
             try:
-                self._file = HeldFile(self.path)
+                self._file = HeldFile(self.path, 0o600)  # its key signs checkpoints
             except BlockingIOError:
                 raise self._in_use() from None
             except OSError as error:

@@ -2,6 +2,7 @@
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import SimpleNamespace
 
 import httpx2
@@ -199,3 +200,24 @@ def test_what_is_no_manager_is_said_in_one_line(tmp_path):
     assert not list(tmp_path.iterdir())
     with refuses(ValueError, "localhost:8000"):
         TrustClient("localhost:8000")
+
+
+def test_a_client_replaces_its_key_also_after_it_has_broken_off(ann, url, tmp_path, monkeypatch):
+    ann.register()
+    before = ann.ask("ann").key
+    ann.rotate()
+    after = ann.ask("ann").key
+    assert after != before
+    other = TrustClient(url, "zoe", tmp_path / "zoe")
+    other.register()
+    ann.rate("zoe", 1)
+    monkeypatch.setattr(Path, "replace", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        other.rotate()
+    monkeypatch.undo()
+    again = TrustClient(url, "zoe", tmp_path / "zoe")
+    with refuses(RefusalError, "mis-signed"):
+        again.rate("ann", 1)
+    again.rotate()
+    again.rate("ann", 1)
+    assert not list((tmp_path / "zoe" / "next").iterdir())
