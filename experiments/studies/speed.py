@@ -27,12 +27,12 @@ import gymnasium
 import numpy as np
 
 from roletrust_agents.smooth import one_thread
-from roletrust_env import AttackVecEnv, Game, env, make_scenario, make_task, parallel_env
+from roletrust_env import AttackVecEnv, Game, Random, env, make_scenario, make_task, parallel_env
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
 from roletrust_env.storage.markdown import markdown_table
 from studies.study import Recipe, Study
-from studies.timing import COMPILED, Contestant, compiled, machine, measure, source
+from studies.timing import COMPILED, Contestant, compiled, machine, measure
 
 _SAMPLES, _BATCH_SAMPLES = 64, 4  # actions, sampled before the clock starts, and used in turn
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds
@@ -255,7 +255,10 @@ def batch(library: str, device: str, games: int, seed: int) -> Contestant:
     A step draws noise, plays the round, and computes observations and rewards. Finished games start
     again. The library is `torch` or `COMPILED`.
     """
-    like, random = source(library, seed, device)
+    import torch
+
+    like: Any = torch.zeros((), device=device)
+    random = Random(np.random.default_rng(seed), like)
     game = Game(make_scenario("paper-3x3"), like=like)
     s, p = game.roster.n_raters, game.roster.n_providers
     samples = [

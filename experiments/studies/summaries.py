@@ -5,8 +5,6 @@ Seconds. Each picture shows columns of a CSV file in `docs/`, in the order of th
 """
 
 import csv
-from collections.abc import Iterable
-from pathlib import Path
 from typing import NamedTuple
 
 from matplotlib.figure import Figure
@@ -18,13 +16,10 @@ from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from roletrust_experiments.report.figures import leaderboard_figure
 from studies.study import DOCS, Recipe, Study, plus_minus
-from studies.timing import times_figure
 
 
 class Options(NamedTuple):
-    """Folder of the tables."""
-
-    docs: Path = DOCS
+    """No options."""
 
 
 STANDARD = "leaderboards/standard/leaderboard"
@@ -50,19 +45,17 @@ EARLIER = {
 }
 """Skill score in the worst case on the leaderboard 1.2, see `docs/leaderboards/earlier.md`."""
 
-PICTURES = (STANDARD, "real", "model-costs", "edge-costs")
+PICTURES = (STANDARD, "real")
 """Such pictures."""
 
 _FILES = (*(f"{name}.png" for name in PICTURES), *_TABLES, _CHANGED)
 RECIPES = {"summaries": Recipe(Options(), {name: name for name in _FILES})}
 
-Rows = list[dict[str, str]]
-
 
 def main(study: Study[Options]) -> None:
     """Draw all pictures, and write the leaderboard."""
     board = benchmark()
-    for name, figure in figures(study.options.docs, board).items():
+    for name, figure in figures(board).items():
         study.figure(f"{name}.png", figure)
     table, text, cases = _TABLES
     study.text(text, f"{board.to_markdown()}\n\n{board.convergence}\n\n{board.legend}")
@@ -92,18 +85,14 @@ def changed(board: Leaderboard) -> str:
     return markdown_table(names, rows, 1)
 
 
-def figures(docs: Path, board: Leaderboard) -> dict[str, Figure]:
+def figures(board: Leaderboard) -> dict[str, Figure]:
     """Return the figures by their name in `PICTURES`."""
-
-    def rows(name: str) -> Rows:
-        with (docs / name).open(encoding="utf-8", newline="") as file:
-            return list(csv.DictReader(file))
-
-    forecasts = [
-        row
-        for row in rows("real/real.csv")
-        if (row["protocol"], row["measure"]) == ("forecast", "r") and row["value"]
-    ]
+    with (DOCS / "real/real.csv").open(encoding="utf-8", newline="") as file:
+        forecasts = [
+            row
+            for row in csv.DictReader(file)
+            if (row["protocol"], row["measure"]) == ("forecast", "r") and row["value"]
+        ]
     forecasts.sort(key=lambda row: -float(row["value"]))
     intervals = [
         Interval(*(float(row[name] or "nan") for name in ("value", "low", "high")))
@@ -113,26 +102,7 @@ def figures(docs: Path, board: Leaderboard) -> dict[str, Figure]:
     panel = Panel(
         "", "", "correlation of trust with ratings of members that have earlier ones", [series]
     )
-    costs = [row for row in rows("model-costs.csv") if row["raters"] == row["providers"] == "300"]
     return {
         STANDARD: leaderboard_figure(board.rows),
         "real": panels_figure("", [panel], "bars: 95% intervals"),
-        "model-costs": times_figure(_times((f"{row['library']}, 300 x 300", row) for row in costs)),
-        "edge-costs": times_figure(
-            _times(
-                (f"{int(row['ratings_asked']):,} ratings", row) for row in rows("edge-costs.csv")
-            )
-        ),
     }
-
-
-def _times(labelled: Iterable[tuple[str, dict[str, str]]]) -> dict[str, dict[str, Interval]]:
-    """Return the nanoseconds per rating of each model, by the labels of the rows; without those
-    that were left out.
-    """
-    times_of_model: dict[str, dict[str, Interval]] = {}
-    for label, row in labelled:
-        if row["ns_per_rating"]:
-            times = (float(row[f"ns_per_rating{end}"]) for end in ("", "_least", "_greatest"))
-            times_of_model.setdefault(label, {})[row["model"]] = Interval(*times)
-    return times_of_model

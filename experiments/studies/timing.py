@@ -2,24 +2,16 @@
 all alike.
 """
 
-import math
 import os
 import platform
 import time
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from roletrust_env import Random
-from roletrust_env.arrays import namespace
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.provenance import software
-from roletrust_env.trust import Ratings, Traits, TrustModel
-from roletrust_env.trust.model import start_model
-from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 
 COMPILED = "compiled torch"
 """Name of the library in which a step is one graph."""
@@ -31,17 +23,12 @@ class Contestant(NamedTuple):
     Attributes:
         name: Name in tables.
         step: Function that takes one step.
-        amount: Number of ratings, or of actions of agents, in a step.
+        amount: Number of actions of agents in a step.
     """
 
     name: str
     step: Callable[[], Any]
     amount: int
-
-
-def spread(values: Sequence[float] | np.ndarray) -> Interval:
-    """Return the median of repeats, with the least and the greatest."""
-    return Interval(*map(float, np.percentile(values, (50, 0, 100))))
 
 
 class Timing(NamedTuple):
@@ -50,13 +37,12 @@ class Timing(NamedTuple):
     contestant: Contestant
     seconds: tuple[float, ...]
 
-    def each(self) -> Interval:
-        """Return the nanoseconds for each rating or action."""
-        return spread(1e9 * np.array(self.seconds) / self.contestant.amount)
-
     def rate(self) -> Interval:
-        """Return the millions of ratings or actions per second."""
-        return spread(self.contestant.amount / np.array(self.seconds) / 1e6)
+        """Return the millions of actions per second: the median of the repeats, with the least and
+        the greatest.
+        """
+        rates = self.contestant.amount / np.array(self.seconds) / 1e6
+        return Interval(*map(float, np.percentile(rates, (50, 0, 100))))
 
     def ratio(self, peer: "Timing") -> float:
         """Return how many times faster than a peer this is: the lower quartile over the repeats."""
@@ -64,16 +50,6 @@ class Timing(NamedTuple):
             np.asarray(timing.seconds) / timing.contestant.amount for timing in (self, peer)
         )
         return float(np.quantile(other / own, 0.25))
-
-
-class Size(NamedTuple):
-    """Numbers of raters and of providers."""
-
-    raters: int
-    providers: int
-
-    def __str__(self) -> str:
-        return f"{self.raters:,} x {self.providers:,}"
 
 
 def measure(contestants: Sequence[Contestant], repeats: int, slice_s: float) -> list[Timing]:
@@ -114,17 +90,6 @@ def _steps_in(contestant: Contestant, seconds: float) -> int:
     return max(1, round(steps * seconds / elapsed))
 
 
-def times_figure(intervals: Mapping[str, Mapping[str, Interval]]) -> Figure:
-    """Return the nanoseconds per rating of contestants, in a row each; the outer keys are the
-    labels of the series.
-    """
-    series = [
-        Series(label, list(times), list(times.values())) for label, times in intervals.items()
-    ]
-    panel = Panel("", "", "nanoseconds per rating", series, "log")
-    return panels_figure("", [panel], "bars: least to greatest of the repeats")
-
-
 def machine() -> str:
     """Return the machine and the software that timings are of, in words."""
     packages = software()["packages"]
@@ -148,47 +113,3 @@ def compiled(step: Callable[..., Any]) -> Callable[..., Any]:
     made: Any = torch.compile(step, dynamic=False, fullgraph=True, **settings)
     in_inference: Callable[..., Any] = torch.inference_mode()(made)
     return in_inference
-
-
-def source(library: str, seed: int, device: str = "cpu") -> tuple[Any, Random]:
-    """Return an array with the library, device and dtype, and a matching source of random
-    numbers.
-    """
-    like: Any = np.zeros((), np.float32)
-    if "torch" in library:
-        import torch
-
-        like = torch.zeros((), device=device)
-    return like, Random(np.random.default_rng(seed), like)
-
-
-def trust_update(
-    name: str, model: TrustModel[Any], size: Size, library: str, seed: int
-) -> Contestant:
-    """Return a trust model as a contestant: one update in float32 in which all rate all, and the
-    published trust.
-
-    Args:
-        name: Name of the contestant.
-        model: Trust model. If it takes peers, rater i is provider i, and peers do not rate
-            themselves.
-        size: Size of the game.
-        library: `NumPy` or `COMPILED`.
-        seed: Random seed of the ratings.
-    """
-    like, random = source(library, seed)
-    ratings, others = (random.uniform(size) for _ in range(2))
-    traits = Traits.of(model)
-    peers = (namespace(like).eye(*size) > 0) & traits.takes_peers
-    mask = ~peers if traits.takes_peers else None
-
-    def update(state: Any, ratings: Any) -> tuple[Any, Any, Any]:
-        state = model.update(state, Ratings(ratings, mask))
-        return state, model.rater_trust(state), model.provider_trust(state)
-
-    # After the second update every rating has a predecessor, as in the middle of a game.
-    state = update(update(start_model(model, ratings, peers), ratings)[0], others)[0]
-    taken = compiled(update) if library == COMPILED else update
-    with warnings.catch_warnings(action="ignore"):  # on caches that torch.compile looks through
-        taken(state, ratings)
-    return Contestant(name, lambda: taken(state, ratings), math.prod(size))

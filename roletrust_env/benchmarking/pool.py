@@ -67,16 +67,11 @@ class _Worker(Generic[Key]):
         deadline: Deadline of the current job on the monotonic clock.
     """
 
-    def __init__(
-        self,
-        work: Callable[..., Any],
-        environment: Mapping[str, str],
-        prepare: Callable[[], None] | None,
-    ) -> None:
+    def __init__(self, work: Callable[..., Any], environment: Mapping[str, str]) -> None:
         self.link, other_end = _SPAWN.Pipe()
         self.ready, self.deadline = False, inf
         self.job: _Job[Key] | None = None
-        self._process = _SPAWN.Process(target=_serve, args=(work, prepare, other_end), daemon=True)
+        self._process = _SPAWN.Process(target=_serve, args=(work, other_end), daemon=True)
         with _environment(environment), _apart_from_main(), without_interrupts():
             self._process.start()
         other_end.close()
@@ -105,18 +100,13 @@ class WorkerPool(Generic[Key]):
         work: Module-level function that does a job.
         number: Number of processes. They start with the first job.
         environment: Environment variables of the processes besides those of this process.
-        prepare: Module-level function that each process calls at its start.
     """
 
     def __init__(
-        self,
-        work: Callable[..., Any],
-        number: int,
-        environment: Mapping[str, str],
-        prepare: Callable[[], None] | None = None,
+        self, work: Callable[..., Any], number: int, environment: Mapping[str, str]
     ) -> None:
         self._number = number
-        self._worker_arguments = work, environment, prepare
+        self._worker_arguments = work, environment
         self._workers: list[_Worker[Key]] = []
 
     def __enter__(self) -> Self:
@@ -217,13 +207,11 @@ def _apart_from_main() -> Iterator[None]:
         main.update(known)
 
 
-def _serve(work: Callable[..., Any], prepare: Callable[[], None] | None, link: Connection) -> None:
+def _serve(work: Callable[..., Any], link: Connection) -> None:
     """Run the main loop of a worker process. It ends when the link is closed."""
     if os.name == "posix":
         os.setsid()  # own process group with its children; keyboard interrupts do not reach it
     Thread(target=_exit_with_parent, daemon=True).start()
-    if prepare is not None:
-        prepare()
     with suppress(EOFError, OSError):
         link.send(None)
         while True:

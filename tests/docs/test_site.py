@@ -164,7 +164,7 @@ def test_every_page_has_a_title(site):
     assert [page for page in written if not parsed(page).select_one("article h1")] == []
 
 
-def test_home_has_three_doors_and_five_groups_of_results(site):
+def test_home_has_three_doors_and_four_groups_of_results(site):
     home = parsed(site / "index.html")
     doors = home.select(".doors .sd-card")
     assert len(doors) == 3
@@ -173,11 +173,11 @@ def test_home_has_three_doors_and_five_groups_of_results(site):
         one for one in home.select(".sidebar-tree .caption") if one.get_text() == "Results"
     )
     names = [one.get_text() for one in results.find_next_sibling("ul").select(".toctree-l1 > a")]
-    assert names == ["Leaderboard", "Attackers", "Theory", "Real data", "Costs"]
+    assert names == ["Leaderboard", "Attackers", "Theory", "Real data"]
 
 
 def test_long_tables_of_results_are_folded(site):
-    for name, folded in (("robustness", True), ("edge-costs", True), ("guide/install", False)):
+    for name, folded in (("robustness", True), ("guide/install", False)):
         for table in parsed(site / f"{name}.html").select("article table"):
             assert (table.find_parent("details") is not None) == (
                 folded and len(table.select("tbody tr")) > 8

@@ -12,9 +12,6 @@ from roletrust_env.benchmarking.suite_files import load_suite
 from studies.study import DOCS
 from studies.summaries import EARLIER, PICTURES, STANDARD, changed, figures
 
-PARTS = {"real": "real/real.md"}
-"""Included tables."""
-
 
 @pytest.fixture(scope="module")
 def board() -> Leaderboard:
@@ -26,7 +23,7 @@ def board() -> Leaderboard:
 
 @pytest.mark.slow
 def test_each_picture_shows_the_models_of_its_page(board: Leaderboard) -> None:
-    found = figures(DOCS, board)
+    found = figures(board)
     assert set(found) == set(PICTURES)
     for name, figure in found.items():
         if name == STANDARD:
@@ -34,8 +31,7 @@ def test_each_picture_shows_the_models_of_its_page(board: Leaderboard) -> None:
         else:
             page = (DOCS / f"{name}.md").read_text(encoding="utf-8")
             assert re.match(rf"# .*\n\n!\[[^\]]+\]\({name}\.png\)\n", page), name
-            parts = [DOCS / PARTS[name]] if name in PARTS else []
-            tables = page + "".join(part.read_text(encoding="utf-8") for part in parts)
+            tables = page + (DOCS / "real/real.md").read_text(encoding="utf-8")
             (DOCS / f"{name}.png").stat()
         names = [label.get_text().split()[-1] for label in figure.axes[0].get_yticklabels()]
         assert len(names) > 5
