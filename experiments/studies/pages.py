@@ -89,8 +89,6 @@ compromised ones."""
 COMMANDS = {
     "pictures": [
         "figures --out {out}",
-        "play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out "
-        "{out}/play",
     ],
     "learners": ["benchmark --suite learners-coalitions --out {out}"],
     "optimum": ["benchmark --suite learners-optimum --out {out}"],
@@ -133,8 +131,7 @@ def _attackers(names: Sequence[str], prefix: str = "") -> dict[str, str]:
 
 
 FILES = {
-    "pictures": {f"{name}.png": f"{name}.png" for name in ("figure3", "figure4")}
-    | {"play/play.png": "render.png"},
+    "pictures": {f"{name}.png": f"{name}.png" for name in ("figure3", "figure4")},
     "learners": {f"learners.{kind}": f"attackers/learners.{kind}" for kind in ("png", "md", "csv")},
     "optimum": {f"learners.{kind}": f"attackers/optimum.{kind}" for kind in ("md", "csv")},
     "audit": {"audit/audit.png": "audit.png"},

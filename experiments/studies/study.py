@@ -145,9 +145,9 @@ class Study(Generic[Options]):
         write_csv(self.out / name, header, rows)
         self._written.append(name)
 
-    def figure(self, name: str, figure: Figure, colours: int | None = 256) -> None:
-        """Write a figure, see `write_figure`. Charts need few colours, maps of colours need all."""
-        write_figure(self.out / name, figure, colours)
+    def figure(self, name: str, figure: Figure) -> None:
+        """Write a chart with 256 colours, see `write_figure`."""
+        write_figure(self.out / name, figure, colours=256)
         self._written.append(name)
 
     def text(self, name: str, text: str) -> None:

@@ -52,9 +52,7 @@ class Panel(NamedTuple):
         along: Label of the positions; unused for names.
         what: Label of the values.
         series: Series to draw, all at numbers or all at the same names.
-        scale: Scale of an axis of numbers, or of the values in rows; `symlog` is linear up to the
-            first number above 0.
-        bound: Theoretical limit, drawn as a dotted line across the rows.
+        scale: Scale of an axis of numbers; `symlog` is linear up to the first number above 0.
     """
 
     title: str
@@ -62,7 +60,6 @@ class Panel(NamedTuple):
     what: str
     series: Sequence[Series]
     scale: Literal["linear", "log", "symlog"] = "linear"
-    bound: float | None = None
 
 
 def panels_figure(title: str, panels: Sequence[Panel], note: str, columns: int = 2) -> Figure:
@@ -200,20 +197,8 @@ def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
             capsize=2.5,
         )
     axes.set_ylim(len(names) - 0.5, -0.5)
-    if panel.scale == "log":
-        axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(lambda x, _: _short(x))
-    elif axes.get_xlim()[0] < _FAR * axes.get_xlim()[1]:
+    if axes.get_xlim()[0] < _FAR * axes.get_xlim()[1]:
         axes.axvline(0, color=QUIET, linewidth=0.8, zorder=1)
-    if panel.bound is not None:
-        axes.axvline(
-            panel.bound,
-            label="bound",
-            color=QUIET,
-            linewidth=1.3,
-            linestyle=(0, (1, 1.5)),
-            zorder=1.5,
-        )
     axes.set_xlabel(panel.what, color=INK)
 
 
