@@ -5,10 +5,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from roletrust_manager.admission.validation import RefusalReason
 from roletrust_manager.http.manager import TrustManager
-from roletrust_manager.http.requests import Receipt, Request, Settings
+from roletrust_manager.http.requests import Receipt, RefusedError, Request, Settings
 from roletrust_manager.http.tokens import (
     Leave,
     Rating,
@@ -103,3 +105,27 @@ def managed(
         yield manager
     finally:
         manager.close()
+
+
+def joined(manager: OneByOne, clock: Clock, *names: str) -> list[Agent]:
+    agents = [Agent(name, clock) for name in names]
+    for agent in agents:
+        manager.register(agent.registration())
+    return agents
+
+
+def refused(manager: OneByOne, reason: RefusalReason, kind: str, *args: object) -> RefusedError:
+    """Check that a request is refused for a reason, which is counted, and that nothing else
+    changes."""
+    before, counts = manager.about(), manager.refusals.copy()
+    with pytest.raises(RefusedError) as caught:
+        getattr(manager, kind)(*args)
+    assert caught.value.reason is reason
+    assert sum((manager.refusals - counts).values()) == 1
+    changed = {name for name, value in manager.about().items() if value != before[name]}
+    assert changed <= {"time"}
+    return caught.value
+
+
+def standings(manager: OneByOne) -> dict[str, tuple[object, ...]]:
+    return {member.name: manager.standings(member) for member in manager.members()}
