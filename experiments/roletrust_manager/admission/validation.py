@@ -101,7 +101,6 @@ class RefusalReason(StrEnum):
     NO_WORK = "without work"
     TAKEN = "name taken"
     CROWDED = "too many newcomers"
-    JOINING = "joins in a moment"
     UNKNOWN_PROVIDER = "unknown provider"
     ITSELF = "rates itself"
     DOUBLED = "doubled"

@@ -10,7 +10,6 @@ from roletrust_manager.admission.validation import (
     Membership,
     MessageValidator,
     RatingMessage,
-    RefusalReason,
     keys_by_role,
 )
 from roletrust_manager.dds.rounds import MatchedRound, RoundAssembler, RoundTiming
@@ -61,11 +60,17 @@ class Manager:
         self._trust = TeamTrust(model, journal, timing.period, settings, report)
         rater_keys, provider_keys = keys_by_role(keyring, settings)
         raters, providers = self._trust.team.raters, self._trust.team.providers
+        grows = self._trust.grows
         admitted = Membership(
-            raters, timing.period, rater_keys, len(set(raters) - set(settings.raters))
+            raters,
+            timing.period,
+            rater_keys if grows else (),
+            len(set(raters) - set(settings.raters)),
         )
         strangers = len(set(providers) - set(settings.providers))
-        self._providers = Membership(providers, timing.period, provider_keys, strangers)
+        self._providers = Membership(
+            providers, timing.period, provider_keys if grows else (), strangers
+        )
         self.validator = MessageValidator(
             timing.limits, rater_keys, self._trust.last_stamps, admitted, settings.raters
         )
@@ -108,8 +113,6 @@ class Manager:
         accepted = self.validator.accepted_ratings(
             message, self._providers, now if arrival is None else arrival
         )
-        if self._trust.newcomers_wait:
-            accepted = self._of_members(rater, accepted)
         if not accepted:
             return []
         item = CountedRatings(accepted, signed_message(message.envelope) if self._has_keys else b"")
@@ -117,7 +120,6 @@ class Manager:
 
     def tick(self, now: int) -> list[JournalEntry]:
         """Return the rounds whose deadline has passed. Call it often, about ten times a period."""
-        self._trust.tick()
         return [self._close(closed, now) for closed in self.rounds.close_due(now)]
 
     def close(self) -> None:
@@ -126,19 +128,3 @@ class Manager:
 
     def _close(self, closed: MatchedRound[CountedRatings], now: int) -> JournalEntry:
         return self._trust.close_round(closed, now, self.validator.last_stamps)
-
-    def _of_members(self, rater: str, accepted: dict[str, float]) -> dict[str, float]:
-        """Return the ratings that members of the team gave members; newcomers have to wait until
-        they have joined.
-        """
-        team = self._trust.team
-        early = [provider for provider in accepted if provider not in team.providers]
-        self._trust.join(() if rater in team.raters else (rater,), early)
-        if rater not in team.raters:
-            self.validator.refuse(rater, RefusalReason.JOINING)
-            return {}
-        if early:
-            self.validator.refuse(rater, RefusalReason.JOINING, len(early))
-        return {
-            provider: value for provider, value in accepted.items() if provider in team.providers
-        }

@@ -2,11 +2,8 @@
 restart quick.
 """
 
-import time
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,7 +22,6 @@ from roletrust_manager.journal.lines import (
 from roletrust_manager.team import Team, Trust
 
 _AT_ONCE = 100  # rounds that are replayed in no time: a snapshot is written after so many
-_TICK_S = 0.005  # time for a gradual replay, each time
 
 
 class CountedRatings(NamedTuple):
@@ -44,9 +40,8 @@ class TeamTrust:
     """Closes rounds: updates trust, and writes the round to the journal before it is published.
 
     A newcomer counts as present all along, without ratings given or received. The state of most
-    models grows by the newcomer's start values, with the same trust as that of a replay. For other
-    models, see `grows`, the rounds so far are replayed with the larger team, a little at a time.
-    Until then the newcomers wait, and the team goes on.
+    models grows by the newcomer's start values, with the same trust as that of a replay. Other
+    models, see `grows`, take no newcomers while they run: the settings of the next start name them.
 
     Args:
         model: Trust model.
@@ -56,6 +51,7 @@ class TeamTrust:
         report: Function that shows a line to the user, before a long replay.
 
     Attributes:
+        grows: Whether newcomers may join.
         team: Agents of the team.
         last_stamps: Last accepted stamp of each rater, nanoseconds; after a replay, that of its
             last round.
@@ -75,7 +71,7 @@ class TeamTrust:
         settings: Team,
         report: Callable[[str], object] = lambda line: None,
     ) -> None:
-        self._model, self._path, self._grows = model, path, grows(model)
+        self._model, self._path, self.grows = model, path, grows(model)
         snapshot, fault = None, ""
         try:
             snapshot = read_snapshot(path)
@@ -85,10 +81,9 @@ class TeamTrust:
         self._journal = Journal(path, about, None if snapshot is None else snapshot.position)
         self.last_stamps: dict[str, int] = {}
         self.last_stamp: int | None = None
-        self._joining = Team()
-        self._replay: Iterator[TeamRun] | None = None
-        self._closed = deque[JournalEntry]()  # during a replay
         self.team = self._journal.position.team
+        if not self.grows:
+            self.team = self.team.with_newcomers(settings.raters, settings.providers)
         self._run: TeamRun | None = None
         after: JournalPosition | None = None
         if snapshot is not None:
@@ -102,14 +97,11 @@ class TeamTrust:
             report(f"{path}: {replayed} rounds are replayed, since {why}")
         entries = self._noted(read_journal(path, after))
         self._run = replay_rounds(
-            model, entries, None if self._grows else self.team, path, self._run
+            model, entries, None if self.grows else self.team, path, self._run
         )
         if replayed > _AT_ONCE:
             self._write_snapshot()
-        if self.newcomers_wait:
-            self.join(settings.raters, settings.providers)
-        else:
-            self.team = self.team.with_newcomers(settings.raters, settings.providers)
+        self.team = self.team.with_newcomers(settings.raters, settings.providers)
 
     def _load(self, snapshot: Snapshot) -> JournalPosition:
         """Begin with the memory of a snapshot, and return its place in the journal.
@@ -119,7 +111,7 @@ class TeamTrust:
         """
         if self._journal.after is None:
             raise ValueError("it is of another journal")
-        if not self._grows and snapshot.position.team != self.team:
+        if not self.grows and snapshot.position.team != self.team:
             raise ValueError("agents have joined since")
         run = TeamRun(self._model, snapshot.position.team)
         run.load(snapshot.run)
@@ -147,41 +139,6 @@ class TeamTrust:
         """Trust of the team after the last round; None before the first."""
         return None if self._run is None else self._run.trust
 
-    @property
-    def newcomers_wait(self) -> bool:
-        """True if newcomers must `join` before a round may have ratings of them."""
-        return not self._grows and self.next_round > _AT_ONCE
-
-    def join(self, raters: Iterable[str], providers: Iterable[str]) -> None:
-        """Let newcomers join as soon as the rounds so far have been replayed with them."""
-        self._joining = self._joining.with_newcomers(raters, providers)
-
-    def tick(self) -> None:
-        """Replay for a moment if newcomers wait."""
-        larger = self.team.with_newcomers(self._joining.raters, self._joining.providers)
-        if self._replay is None and larger != self.team:
-            self._closed.clear()
-            self._replay = self._replayed(larger)
-        end = time.monotonic() + _TICK_S
-        while self._replay is not None and time.monotonic() < end:
-            run = next(self._replay)
-            if run.rounds == self.next_round:
-                self._run, self.team, self._replay = run, run.team, None
-
-    def _replayed(self, team: Team) -> Iterator[TeamRun]:
-        """Replay the rounds so far with a larger team, and then those that close meanwhile.
-
-        Yields:
-            The run of the larger team, after each round.
-        """
-        run = TeamRun(self._model, team)
-        for entry in chain(read_journal(self._path), iter(self._closed.popleft, None)):
-            if (
-                entry.round == run.rounds
-            ):  # the file may have contained rounds that are noted as well
-                run.play_named(entry.ratings)
-            yield run
-
     def close_round(
         self, closed: MatchedRound[CountedRatings], now: int, last_stamps: dict[str, int]
     ) -> JournalEntry:
@@ -196,12 +153,8 @@ class TeamTrust:
         self.team = self.team.with_newcomers(closed.items, rated)
         if self._run is None:
             self._run = TeamRun(self._model, self.team)
-        elif self._run.team != self.team and self._grows:
-            self._run.grow(self.team)
         elif self._run.team != self.team:
-            self._run = TeamRun(
-                self._model, self.team, (entry.ratings for entry in read_journal(self._path))
-            )
+            self._run.grow(self.team)
         ratings = {
             name: [item.ratings.get(provider) for provider in self.team.providers]
             for name, item in closed.items.items()
@@ -213,8 +166,6 @@ class TeamTrust:
             self.next_round, closed.stamp, now, self.team, ratings, closed.missing, trust, signed
         )
         self._journal.append(entry)
-        if self._replay is not None:
-            self._closed.append(entry)
         self.last_stamps, self.last_stamp = last_stamps, closed.stamp
         if self.next_round % _AT_ONCE == 0:
             self._write_snapshot()
