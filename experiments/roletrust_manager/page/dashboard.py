@@ -10,9 +10,8 @@ from jinja2 import Environment, PackageLoader
 from roletrust_manager.admission.validation import MANAGER, RefusalReason
 from roletrust_manager.team import PublishedTrust
 
-if TYPE_CHECKING:  # each needs packages of its own
+if TYPE_CHECKING:  # which needs packages of its own
     from roletrust_manager.dds.nodes.team_listener import TeamListener
-    from roletrust_manager.http.manager_listener import ManagerListener
 
 TEMPLATES = Environment(loader=PackageLoader("roletrust_manager.page", "template"), autoescape=True)
 _PARTS: Any = TEMPLATES.get_template("parts.html").module
@@ -42,7 +41,7 @@ class Dashboard:
     """The current content of the page.
 
     Args:
-        listener: Listener to the team, or to a trust manager of agents.
+        listener: Listener to the team.
         period_s: Time between rounds, seconds.
         speed: Speed relative to the scenario's clock.
         attackers: Names to mark as attackers.
@@ -54,7 +53,7 @@ class Dashboard:
 
     def __init__(
         self,
-        listener: "TeamListener | ManagerListener",
+        listener: "TeamListener",
         period_s: float,
         speed: float = 1.0,
         attackers: Collection[str] = (),

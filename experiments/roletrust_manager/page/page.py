@@ -245,13 +245,7 @@ def run_view_server(
     listener = TeamListener(
         team, RoundTiming(round(period_s * SECOND)), keyring=keyring, network=network
     )
-    serve_until_signal(Dashboard(listener, period_s, speed, attackers), listening, take)
-
-
-def serve_until_signal(
-    dashboard: Dashboard, listening: socket.socket, take: Callable[[], object]
-) -> None:
-    """Serve a page until a signal ends the process, see `run_view_server`."""
+    dashboard = Dashboard(listener, period_s, speed, attackers)
     try:
         make_page(dashboard, Document())  # what takes long the first time
         take()

@@ -1,9 +1,6 @@
 """`roletrust live view`: a page that shows a running team in the browser."""
 
 import webbrowser
-from typing import Annotated, Any
-
-import typer
 
 from roletrust_env import make_scenario
 from roletrust_experiments.commands.console import errors, tell
@@ -20,12 +17,6 @@ from roletrust_experiments.commands.live.options import (
 
 def view(
     port: Port = 5006,
-    url: Annotated[
-        str | None,
-        typer.Option(
-            metavar="URL", help="Show the agents of a trust manager, see `roletrust serve --store`."
-        ),
-    ] = None,
     scenario: Scenario = "paper-3x3",
     keys: Keys = None,
     speed: Speed = 1.0,
@@ -35,22 +26,16 @@ def view(
     """Show a running team [bold]in the browser[/]: trust, missing raters, refused ratings and the
     cameras' pictures.
 
-    With --keys, the page shows nothing that is not signed, and counts what it refuses. With --url,
-    it shows the best providers of a trust manager. It can be opened on this machine only. It ends
-    with Ctrl-C.
+    With --keys, the page shows nothing that is not signed, and counts what it refuses. It can be
+    opened on this machine only. It ends with Ctrl-C.
 
     [bold]Examples[/]
 
     [dim]# beside nodes in other terminals[/]
     [cyan]roletrust live view --keys keys[/]
-
-    [dim]# agents that are no robots[/]
-    [cyan]roletrust live view --url http://127.0.0.1:8000[/]
     """
     require_view()
-    if url is not None:
-        require("roletrust live view --url", "manager", "httpx2", "jwt")
-    elif keys is None:
+    if keys is None:
         tell(
             "view: WITHOUT KEYS: everybody on this network can forge what the page shows",
             where=errors,
@@ -62,24 +47,18 @@ def view(
         tell(f"{address(port)}, until Ctrl-C")
         if browser:
             webbrowser.open(address(port))
-        from roletrust_manager.page.page import run_view_server, serve_until_signal
+        from roletrust_manager.page.page import run_view_server
         from roletrust_manager.team import Team
 
-        if url is None:
-            settings: Any = {
-                "team": Team.of(rules),
-                "keys": keys,
-                "speed": speed,
-                "network": network,
-            }
-            run_view_server(page.listening, rules.period_s / speed, take=page.leave, **settings)
-            return
-        from roletrust_manager.http.manager_listener import ManagerListener
-        from roletrust_manager.page.dashboard import Dashboard
-
-        page.text = f"Waiting for {url}."
-        listener = ManagerListener(url)
-        serve_until_signal(Dashboard(listener, listener.period_s), page.listening, page.leave)
+        run_view_server(
+            page.listening,
+            rules.period_s / speed,
+            team=Team.of(rules),
+            keys=keys,
+            speed=speed,
+            network=network,
+            take=page.leave,
+        )
 
 
 def require_view() -> None:
