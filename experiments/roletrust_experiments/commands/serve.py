@@ -173,7 +173,7 @@ def _manage(
             config = uvicorn.Config(
                 app,
                 http=limited_protocol(
-                    lambda: manager.validator.refuse("", RefusalReason.TOO_LARGE)
+                    lambda: manager.admission.refuse("", RefusalReason.TOO_LARGE)
                 ),
                 log_level="error",  # strangers must not fill the log
                 access_log=False,

@@ -108,6 +108,18 @@ class RefusalReason(StrEnum):
     OUT_OF_RANGE = "out of range"
 
 
+class Verdict(NamedTuple):
+    """What is decided about a report.
+
+    Attributes:
+        reason: Reason why it is refused as a whole; None if it is not.
+        ratings: Ratings that count, by provider.
+    """
+
+    reason: RefusalReason | None
+    ratings: dict[str, float]
+
+
 class Keyring(Protocol):
     """The known senders and a check of their signatures."""
 
@@ -269,7 +281,7 @@ class Membership:
         return True
 
 
-class MessageValidator:
+class Admission:
     """Accepts valid messages. Refused ones are counted and change nothing else.
 
     The stamps of a sender must increase, so a message that is sent twice counts once. Cheap checks
@@ -282,7 +294,7 @@ class MessageValidator:
         limits: Limits on the stamps.
         keyring: Senders that may send; None accepts every sender, without a signature.
         last_stamps: Last accepted stamp of each sender, from an earlier run.
-        admission: Decides which newcomers may send; None for all.
+        membership: Decides which newcomers may send; None for all.
         members: Senders that are known without keys before they have sent a valid message.
 
     Attributes:
@@ -294,12 +306,12 @@ class MessageValidator:
         limits: StampLimits,
         keyring: Keyring | None = None,
         last_stamps: dict[str, int] | None = None,
-        admission: Membership | None = None,
+        membership: Membership | None = None,
         members: Container[str] = (),
     ) -> None:
         self._limits, self._keyring = limits, keyring
         self._last = {name: LastStamp(stamp) for name, stamp in (last_stamps or {}).items()}
-        self._admission, self._members = admission, members
+        self._membership, self._members = membership, members
         self._counting = Lock()
         self.refusals: Counter[tuple[str, RefusalReason]] = Counter()
 
@@ -340,44 +352,41 @@ class MessageValidator:
         """
         return following(self._last.get(envelope.sender), envelope) is not None
 
-    def remember(self, envelope: Envelope) -> LastStamp | None:
-        """Remember the stamp of a message, and return the last one of its sender before it."""
+    def remember(self, envelope: Envelope) -> None:
+        """Remember the stamp of a message."""
         before = self._last.get(envelope.sender)
         after = following(before, envelope) or LastStamp(envelope.stamp)  # a clock has gone back
-        self.put_back(envelope.sender, after)
-        return before
+        self.remember_last(envelope.sender, after)
 
-    def put_back(self, sender: str, last: LastStamp | None) -> None:
-        """Set the last stamp of a sender; None for none so far."""
+    def remember_last(self, sender: str, last: LastStamp) -> None:
+        """Remember the last stamp of a sender."""
         self._last.pop(sender, None)
-        if last is not None:
-            self._last[sender] = last  # the newest last
+        self._last[sender] = last  # the newest last
         if self._keyring is None and len(self._last) > _REMEMBERED:
             del self._last[next(iter(self._last))]
 
-    def accepted_ratings(
-        self, message: RatingMessage, providers: Container[str], now: int
-    ) -> dict[str, float]:
-        """Return the valid ratings of a message, by provider; none if the message is refused.
+    def admit(self, report: RatingMessage, providers: Container[str], now: int) -> Verdict:
+        """Return which ratings of a report count. What is refused is counted.
 
-        A message is refused as a whole if its rater or its time is in doubt. Otherwise each rating
+        A report is refused as a whole if its rater or its time is in doubt. Otherwise each rating
         is checked on its own.
 
         Args:
-            message: Message.
+            report: Ratings of a rater.
             providers: Names of the known providers.
             now: Time of arrival, nanoseconds.
         """
-        accepted: dict[str, float] = {}
-        if not self.accepts(message.envelope, now):
-            return accepted
-        rater = message.envelope.sender
-        for provider, value in zip(message.providers, message.values, strict=True):
-            if reason := rating_error(rater, provider, value, providers, accepted):
-                self.refuse(rater, reason)
+        rater, ratings = report.envelope.sender, dict[str, float]()
+        if reason := self.error(report.envelope, now):
+            self.refuse(rater, reason)
+            return Verdict(reason, ratings)
+        self.remember(report.envelope)
+        for provider, value in zip(report.providers, report.values, strict=True):
+            if error := rating_error(rater, provider, value, providers, ratings):
+                self.refuse(rater, error)
             else:
-                accepted[provider] = float(value)
-        return accepted
+                ratings[provider] = float(value)
+        return Verdict(None, ratings)
 
     def error(self, envelope: Envelope, now: int) -> RefusalReason | None:
         """Return the reason why a message is refused; None if it is valid. Nothing is counted or
@@ -395,7 +404,7 @@ class MessageValidator:
             return RefusalReason.UNSIGNED
         if not is_genuine(envelope, self._keyring):
             return RefusalReason.MIS_SIGNED
-        if self._admission is not None and not self._admission.admits(envelope.sender, now):
+        if self._membership is not None and not self._membership.admits(envelope.sender, now):
             return RefusalReason.CROWDED
         return None
 

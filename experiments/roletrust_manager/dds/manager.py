@@ -6,9 +6,9 @@ from typing import Any
 
 from roletrust_env.trust import TrustModel
 from roletrust_manager.admission.validation import (
+    Admission,
     Keyring,
     Membership,
-    MessageValidator,
     RatingMessage,
     keys_by_role,
 )
@@ -36,7 +36,7 @@ class Manager:
         report: Function that shows a line to the user, before a long replay.
 
     Attributes:
-        validator: Refuses invalid ratings and counts them.
+        admission: Refuses invalid ratings and counts them.
         rounds: Assembles messages into rounds and counts those that fit into none.
         known_raters: Raters that have a key or, without keys, a place in the team.
 
@@ -71,7 +71,7 @@ class Manager:
         self._providers = Membership(
             providers, timing.period, provider_keys if grows else (), strangers
         )
-        self.validator = MessageValidator(
+        self.admission = Admission(
             timing.limits, rater_keys, self._trust.last_stamps, admitted, settings.raters
         )
         self.known_raters: Container[str] = admitted if rater_keys is None else rater_keys
@@ -110,9 +110,9 @@ class Manager:
             arrival: Time of arrival, nanoseconds, if the message has waited since then.
         """
         rater, stamp = message.envelope.sender, message.envelope.stamp
-        accepted = self.validator.accepted_ratings(
+        accepted = self.admission.admit(
             message, self._providers, now if arrival is None else arrival
-        )
+        ).ratings
         if not accepted:
             return []
         item = CountedRatings(accepted, signed_message(message.envelope) if self._has_keys else b"")
@@ -127,4 +127,4 @@ class Manager:
         self._trust.close()
 
     def _close(self, closed: MatchedRound[CountedRatings], now: int) -> JournalEntry:
-        return self._trust.close_round(closed, now, self.validator.last_stamps)
+        return self._trust.close_round(closed, now, self.admission.last_stamps)

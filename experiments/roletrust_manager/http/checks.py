@@ -60,7 +60,7 @@ class RequestChecks(NamedTuple):
         try:
             return self._checked(request)
         except RefusedError as refused:
-            self.members.validator.refuse(refused.sender, refused.reason)
+            self.members.admission.refuse(refused.sender, refused.reason)
             raise
 
     def _checked(self, request: Request) -> Checked:
@@ -107,7 +107,7 @@ class RequestChecks(NamedTuple):
             RefusedError: Too early or too late, or not after the last one of its agent.
         """
         now, claims = self.clock(), signed.claims
-        reason = self.members.validator.stamp_error(signed.envelope, round(now * 1e9))
+        reason = self.members.admission.stamp_error(signed.envelope, round(now * 1e9))
         if claims.nbf is not None and claims.nbf > now + self.settings.tolerance:
             reason = RefusalReason.FUTURE
         elif claims.exp is not None and claims.exp <= now:

@@ -180,7 +180,7 @@ class Endpoints:
         """
         address = "" if sender.client is None else sender.client.host
         if self._refused[address] >= _MOST_REFUSED:
-            self._manager.validator.refuse("", RefusalReason.FLOOD)
+            self._manager.admission.refuse("", RefusalReason.FLOOD)
             hint = f"{_MOST_REFUSED:,} refusals in a moment are allowed, so try again later"
             raise RefusedError(RefusalReason.FLOOD, hint)
         try:
@@ -404,7 +404,7 @@ def make_app(manager: TrustManager) -> Any:
     )
 
     def refuse(reason: RefusalReason) -> None:
-        manager.validator.refuse("", reason)
+        manager.admission.refuse("", reason)
 
     def add(
         method: str, path: str, endpoint: Any, *errors: int, status: int = 200, **more: Any

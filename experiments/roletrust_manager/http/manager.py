@@ -18,7 +18,7 @@ from roletrust_env.logs.explain import Explanation
 from roletrust_env.parameters import truth_value
 from roletrust_env.trust.model import TrustModel, registry
 from roletrust_manager.admission.validation import (
-    MessageValidator,
+    Admission,
     RefusalReason,
 )
 from roletrust_manager.http.checks import RequestChecks
@@ -70,7 +70,7 @@ class TrustManager:
         make: Function that makes the trust model of a name.
 
     Attributes:
-        refusals: Number of refusals by agent and reason, see `MessageValidator`.
+        refusals: Number of refusals by agent and reason, see `Admission`.
         tell: Function that is called at the end of each round.
 
     Raises:
@@ -122,7 +122,7 @@ class TrustManager:
             trust.load(snapshot.trust)
         self._trust, self._members, self._tree = trust, members, tree
         self._checks = RequestChecks(store.name, settings, members, self._clock, self._n_sent)
-        members.validator.refusals = self.refusals
+        members.admission.refusals = self.refusals
         self._sent: Counter[str] = Counter()  # ratings of each agent in the running round
         at = (0, 0, 0) if snapshot is None else (snapshot.seq, snapshot.time, snapshot.ratings)
         self._seq, self._time, self._ratings = at
@@ -293,7 +293,7 @@ class TrustManager:
                 return self._registered(request.signed[0])
             new = self._events(request)
         except RefusedError as refused:
-            self._members.validator.refuse(refused.sender, refused.reason)
+            self._members.admission.refuse(refused.sender, refused.reason)
             return refused
         except StoreError as error:
             return error
@@ -367,9 +367,9 @@ class TrustManager:
         return self._in_doubt or self._store.path is None or self._trust.is_over(self._now())
 
     @property
-    def validator(self) -> MessageValidator:
+    def admission(self) -> Admission:
         """Counts refusals."""
-        return self._members.validator
+        return self._members.admission
 
     @property
     def rounds(self) -> int:

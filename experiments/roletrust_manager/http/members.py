@@ -13,9 +13,9 @@ from pydantic import NonNegativeInt
 from roletrust_env.storage.untrusted import UntrustedModel
 from roletrust_manager.admission.keys import KnownKeys
 from roletrust_manager.admission.validation import (
+    Admission,
     Envelope,
     LastStamp,
-    MessageValidator,
     NewcomerLimit,
     StampLimits,
 )
@@ -63,7 +63,7 @@ class Members:
         recovery: Recovery key of each name that has one.
         by_name: Registered agents.
         latest: Last request of each agent.
-        validator: Checks when and by whom tokens were signed.
+        admission: Checks when and by whom tokens were signed.
         limit: Limits the newcomers of a round.
     """
 
@@ -75,7 +75,7 @@ class Members:
         self.keyring = KnownKeys(self.keys)
         self.recovery: dict[str, Ed25519PublicKey] = {}
         limits = StampLimits(round(settings.tolerance * 1e9), 1)
-        self.validator = MessageValidator(limits, self.keyring)
+        self.admission = Admission(limits, self.keyring)
         self.limit = NewcomerLimit(settings.newcomers, round(settings.every * 1e9))
 
     @property
@@ -97,7 +97,7 @@ class Members:
         nonce = claims.get("jti")
         envelope = Envelope(name, event.stamp, nonce=nonce if isinstance(nonce, str) else "")
         said = claims.get("kind"), claims.get("iss"), _stamp(claims.get("iat"))
-        if said != (event.kind, name, event.stamp) or not self.validator.is_new(envelope):
+        if said != (event.kind, name, event.stamp) or not self.admission.is_new(envelope):
             return False
         if event.kind == "register":
             if member is not None or not self._joins(event, name):
@@ -120,7 +120,7 @@ class Members:
                 return False
             if event.rating is None or claims.get("rating") != event.rating:
                 return False
-        self.validator.remember(envelope)
+        self.admission.remember(envelope)
         before = self.latest.get(name)
         if before is None or before.time != event.time:
             before = LastRequest(event.seq, 0, event.time, "")
@@ -148,7 +148,7 @@ class Members:
 
     def save(self) -> StoredMembers:
         """Return all that is kept."""
-        last = self.validator.last
+        last = self.admission.last
         return StoredMembers(
             members=[(*one[:3], *one.receipt) for one in self.by_name.values()],
             keys={name: key_as_text(key) for name, key in self.keys.items()},
@@ -175,7 +175,9 @@ class Members:
         self._begun.update(stored.begun)
         self.latest |= stored.latest
         for name, stamp in stored.stamps.items():
-            self.validator.put_back(name, LastStamp(stamp, frozenset(stored.nonces.get(name, ()))))
+            self.admission.remember_last(
+                name, LastStamp(stamp, frozenset(stored.nonces.get(name, ())))
+            )
         self.limit.state = stored.newcomers
 
 

@@ -63,9 +63,9 @@ def test_invalid_messages_do_not_change_trust(count, tmp_path):
                 if cheap
                 else made[kind][random.integers(POOL)]
             )
-            counted = noisy.validator.refusals.copy()
+            counted = noisy.admission.refusals.copy()
             assert receive_raw(noisy, topic, raw, now + 1) == []
-            reasons = {reason for _, reason in noisy.validator.refusals - counted}
+            reasons = {reason for _, reason in noisy.admission.refusals - counted}
             assert reasons
             assert reasons <= REASONS[kind], kind
             refused += 1
@@ -73,8 +73,8 @@ def test_invalid_messages_do_not_change_trust(count, tmp_path):
     tracemalloc.stop()
     assert got == wanted
     assert len(got) == ROUNDS
-    assert noisy.validator.refusals.total() >= refused == ROUNDS * (count // ROUNDS)
-    assert len(noisy.validator.refusals) < 100
+    assert noisy.admission.refusals.total() >= refused == ROUNDS * (count // ROUNDS)
+    assert len(noisy.admission.refusals) < 100
     assert grown < 500_000
 
 

@@ -11,7 +11,7 @@ from manager_cases import TEAM, manager
 
 from roletrust_manager.admission.validation import (
     MAX_STRANGERS,
-    MessageValidator,
+    Admission,
     RefusalReason,
     StampLimits,
 )
@@ -50,14 +50,14 @@ def clock(monkeypatch):
 
 
 def readers(wire, strangers=True):
-    validator, timing = MessageValidator(StampLimits(10**9, 1)), RoundTiming(500_000_000)
+    admission, timing = Admission(StampLimits(10**9, 1)), RoundTiming(500_000_000)
     known = "sp_0", "sp_1"
     return AgentInbox(
         wire,
         IMAGES,
         messages.IMAGE,
         messages.read_picture_message,
-        validator,
+        admission,
         known,
         strangers=strangers,
         timing=timing,
@@ -96,10 +96,8 @@ def test_strangers_are_not_read_at_all_if_there_are_keys(clock):
 def test_a_first_message_that_cannot_be_read_is_counted_under_its_name(fault, keyed):
     """A member of the team, with or without keys, before any of its messages was valid."""
     wire, raters = FakeWire(), ("sr_0", "sr_1")
-    validator = MessageValidator(
-        StampLimits(10**9, 1), Names(raters) if keyed else None, members=raters
-    )
-    inbox = rating_inbox(wire, RoundTiming(PERIOD), validator, raters, strangers=not keyed)
+    admission = Admission(StampLimits(10**9, 1), Names(raters) if keyed else None, members=raters)
+    inbox = rating_inbox(wire, RoundTiming(PERIOD), admission, raters, strangers=not keyed)
     inbox.update(wire.announce(RATINGS, messages.RATINGS, "sr_1"))
     ratings = messages.encode(messages.ratings_message("sr_0", 5, {"sp_0": 0.5}))
     wire.waiting["/sr_1/ratings"] += {
@@ -189,7 +187,7 @@ def test_trust_of_long_rounds_is_not_from_the_past():
         wire.waiting[TRUST].append(messages.encode(messages.trust_message(entry)))
         subscription.update()
         assert (subscription.tor("sr_0"), subscription.top("sp_0")) == (0.2, 0.3)
-    assert not subscription.inbox.validator.refusals
+    assert not subscription.inbox.admission.refusals
 
 
 @pytest.mark.parametrize(
@@ -278,7 +276,7 @@ def test_what_waited_in_a_pause_of_the_manager_counts(pause, tmp_path, monkeypat
     monkeypatch.setattr(inboxes.clock, "now", lambda: now[0])
     keeper = manager(tmp_path / "journal")
     inbox = rating_inbox(
-        wire, RoundTiming(PERIOD), keeper.validator, keeper.known_raters, strangers=True
+        wire, RoundTiming(PERIOD), keeper.admission, keeper.known_raters, strangers=True
     )
     inbox.update(wire.announce(RATINGS, messages.RATINGS, *TEAM.raters))
     entries = []
@@ -309,7 +307,7 @@ def test_what_waited_in_a_pause_of_the_manager_counts(pause, tmp_path, monkeypat
     assert [(entry.stamp // PERIOD, len(entry.ratings)) for entry in entries] == [
         (r, 3) for r in range(100, last)
     ]
-    assert keeper.validator.refusals == {(name, RefusalReason.REPLAYED): 1 for name in TEAM.raters}
+    assert keeper.admission.refusals == {(name, RefusalReason.REPLAYED): 1 for name in TEAM.raters}
 
 
 def test_a_flood_is_counted_once():
@@ -322,19 +320,19 @@ def test_a_flood_is_counted_once():
     wire.readers[f"/sp_0{IMAGES}"].excess = 7
     assert [picture.jpeg for picture in made.take(5)] == [b"jpeg"]
     assert list(made.take(5)) == []
-    assert made.validator.refusals == {("sp_0", RefusalReason.FLOOD): 7}
+    assert made.admission.refusals == {("sp_0", RefusalReason.FLOOD): 7}
 
 
 def test_ratings_on_the_topic_of_another_are_refused():
-    wire, validator = FakeWire(), MessageValidator(StampLimits(10**9, 1), last_stamps={"sr_1": 0})
-    inbox = rating_inbox(wire, RoundTiming(PERIOD), validator, ("sr_0", "sr_1"), strangers=False)
+    wire, admission = FakeWire(), Admission(StampLimits(10**9, 1), last_stamps={"sr_1": 0})
+    inbox = rating_inbox(wire, RoundTiming(PERIOD), admission, ("sr_0", "sr_1"), strangers=False)
     inbox.update(wire.announce(RATINGS, messages.RATINGS, "sr_1"))
     for rater in ("sr_0", "sr_1"):
         wire.waiting["/sr_1/ratings"].append(
             messages.encode(messages.ratings_message(rater, 5, {"sp_0": 0.5}))
         )
     assert [message.envelope.sender for message in inbox.take(5)] == ["sr_1"]
-    assert validator.refusals == {("sr_1", RefusalReason.ELSEWHERE): 1}
+    assert admission.refusals == {("sr_1", RefusalReason.ELSEWHERE): 1}
 
 
 def test_a_sender_may_send_ten_messages_a_period_and_at_least_ten_a_second():

@@ -362,7 +362,7 @@ def test_stamps_rise_when_the_clock_of_the_manager_goes_back(tmp_path, keys, sig
     keeper = manager(tmp_path / "journal", keyring=keys)
     feed(keeper, ratings[:10], mask[:10], first=hour, message=signed)
     assert feed(keeper, ratings[10:15], mask[10:15], first=1, message=signed) == []
-    assert keeper.validator.refusals["sr_0", RefusalReason.CLOCK] == 5
+    assert keeper.admission.refusals["sr_0", RefusalReason.CLOCK] == 5
     feed(keeper, ratings[15:], mask[15:], first=hour + 10, message=signed)
     assert check(tmp_path / "journal", keys)[:2] == (15, 45)
 

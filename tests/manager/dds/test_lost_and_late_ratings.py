@@ -111,4 +111,4 @@ def test_a_rater_that_floods_has_its_share_and_no_more(tmp_path):
     assert (
         sum("sr_2" in entry.ratings for entry in published) <= 41
     )  # two stamps a period, at half a period
-    assert keeper.validator.refusals["sr_2", RefusalReason.TOO_SOON] > 9000
+    assert keeper.admission.refusals["sr_2", RefusalReason.TOO_SOON] > 9000

@@ -65,7 +65,7 @@ def test_trust_that_cannot_be_read_changes_nothing(garbage):
     wire.waiting[TRUST] += [trust([0.25]), garbage]
     subscription.update()
     assert subscription.tor("sr_0") == 0.25
-    assert subscription.inbox.validator.refusals == {(MANAGER, RefusalReason.GARBAGE): 1}
+    assert subscription.inbox.admission.refusals == {(MANAGER, RefusalReason.GARBAGE): 1}
 
 
 @pytest.mark.parametrize("data", PICTURES, ids=["empty", "nonsense", "cut off", "a line"])
@@ -88,7 +88,7 @@ def test_a_rater_ignores_pictures_with_stamps_far_from_now():
         image(NOW + off, jpeg(8, 8)) for off in (-limit - 1, -limit, 0, limit, limit + 1)
     ]
     assert [one.envelope.stamp for one in pictures.take(NOW)] == [NOW - limit, NOW, NOW + limit]
-    assert pictures.validator.refusals[("sp_0", RefusalReason.FUTURE)] == 1
+    assert pictures.admission.refusals[("sp_0", RefusalReason.FUTURE)] == 1
 
 
 def test_a_camera_that_sends_too_often_is_cut_off_from_the_first_period_on():
@@ -96,7 +96,7 @@ def test_a_camera_that_sends_too_often_is_cut_off_from_the_first_period_on():
     pictures = inbox(wire, "sp_0")
     wire.waiting[CAMERA] += [image(NOW + k, jpeg(8, 8)) for k in range(100)]
     assert len(list(pictures.take(NOW))) == 1
-    assert pictures.validator.refusals == {("sp_0", RefusalReason.TOO_SOON): 99}
+    assert pictures.admission.refusals == {("sp_0", RefusalReason.TOO_SOON): 99}
 
 
 def test_a_camera_ahead_by_an_hour_closes_no_round_of_the_others():

@@ -108,7 +108,7 @@ def test_a_message_of_the_last_round_is_refused_after_a_restart(tmp_path):
     first.close()
     second = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
     assert second.receive(rating_message("sr_0", 1, {"sp_0": 0.0}), PERIOD) == []
-    assert second.validator.refusals == {("sr_0", RefusalReason.REPLAYED): 1}
+    assert second.admission.refusals == {("sr_0", RefusalReason.REPLAYED): 1}
     assert (
         second.receive(rating_message("sr_1", 1, {"sp_0": 0.0}), PERIOD) == []
     )  # a new rater, but an old round
@@ -314,11 +314,11 @@ def test_rounds_go_on_when_the_clock_goes_back_an_hour(restarts, tmp_path):
     after = feed(keeper, values[20:], mask[20:], first=1)
     assert keeper.next_round == steady.next_round == len(before) + len(after)
     assert keeper.trust == steady.trust
-    assert not keeper.validator.refusals
+    assert not keeper.admission.refusals
     assert not keeper.rounds.unused
     rater, again = next(iter(after[-1].ratings)), {"sp_0": 1.0}
     assert not keeper.receive(rating_message(rater, 20, again), 21 * PERIOD)
-    assert keeper.validator.refusals == {(rater, RefusalReason.REPLAYED): 1}
+    assert keeper.admission.refusals == {(rater, RefusalReason.REPLAYED): 1}
     keeper.close()
     assert replay_journal(keeper._trust._model, tmp_path / "back").trust == steady.trust
 

@@ -102,7 +102,7 @@ def grown(path, model, rounds=40):
 def test_a_model_that_cannot_grow_takes_no_newcomers_before_the_next_start(model, tmp_path):
     keeper, published = grown(tmp_path / "journal", model)
     assert published[-1].team == TEAM
-    crowded = {name for name, why in keeper.validator.refusals if why is RefusalReason.CROWDED}
+    crowded = {name for name, why in keeper.admission.refusals if why is RefusalReason.CROWDED}
     assert crowded == {""}
     keeper.close()
     again = manager(tmp_path / "journal", model=model, team=MANY)
@@ -162,7 +162,7 @@ def test_replayed_messages_are_refused_after_a_restart_from_a_snapshot(often, tm
     assert read_snapshot(tmp_path / "journal").position.round == 10
     second = manager(tmp_path / "journal")
     assert feed(second, ratings, mask) == []
-    assert second.validator.refusals.total() == 30
+    assert second.admission.refusals.total() == 30
 
 
 def spoiled(path, *, others=(), **changes):

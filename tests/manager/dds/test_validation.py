@@ -13,9 +13,9 @@ from roletrust_manager.admission import clock
 from roletrust_manager.admission.validation import (
     MANAGER,
     MAX_STRANGERS,
+    Admission,
     Envelope,
     Membership,
-    MessageValidator,
     RatingMessage,
     RefusalReason,
     StampLimits,
@@ -55,10 +55,10 @@ def ratings(values=(0.1, 0.9), providers=PROVIDERS, stamp=NOW, rater="sr_0", sig
     ],
 )
 def test_invalid_messages_are_refused_as_a_whole(message, reason):
-    validator = MessageValidator(LIMITS, Signed("sr_0", "sr_1"))
-    assert validator.accepted_ratings(message, PROVIDERS, NOW) == {}
-    assert validator.refusals == {("" if reason is RefusalReason.UNKNOWN else "sr_0", reason): 1}
-    assert validator.accepted_ratings(ratings(), PROVIDERS, NOW) == {
+    admission = Admission(LIMITS, Signed("sr_0", "sr_1"))
+    assert admission.admit(message, PROVIDERS, NOW) == (reason, {})
+    assert admission.refusals == {("" if reason is RefusalReason.UNKNOWN else "sr_0", reason): 1}
+    assert admission.admit(ratings(), PROVIDERS, NOW).ratings == {
         "sp_0": 0.1,
         "sp_1": 0.9,
     }  # its state is unchanged
@@ -76,45 +76,45 @@ def test_invalid_messages_are_refused_as_a_whole(message, reason):
     ],
 )
 def test_invalid_ratings_are_refused_one_by_one(values, providers, reason):
-    validator = MessageValidator(LIMITS)
-    assert validator.accepted_ratings(ratings(values, providers), PROVIDERS, NOW) == {"sp_1": 0.9}
-    assert validator.refusals == {("sr_0", reason): 1}
+    admission = Admission(LIMITS)
+    assert admission.admit(ratings(values, providers), PROVIDERS, NOW).ratings == {"sp_1": 0.9}
+    assert admission.refusals == {("sr_0", reason): 1}
 
 
 @pytest.mark.parametrize("offset", [-2000, 2000])
 def test_stamps_at_the_tolerance_are_accepted(offset):
-    validator = MessageValidator(LIMITS)
-    assert validator.accepted_ratings(ratings(stamp=NOW + offset), PROVIDERS, NOW) == {
+    admission = Admission(LIMITS)
+    assert admission.admit(ratings(stamp=NOW + offset), PROVIDERS, NOW).ratings == {
         "sp_0": 0.1,
         "sp_1": 0.9,
     }
-    assert not validator.refusals
+    assert not admission.refusals
 
 
 def test_ratings_at_the_bounds_are_accepted():
-    assert MessageValidator(LIMITS).accepted_ratings(ratings((0.0, 1.0)), PROVIDERS, NOW) == {
+    assert Admission(LIMITS).admit(ratings((0.0, 1.0)), PROVIDERS, NOW).ratings == {
         "sp_0": 0.0,
         "sp_1": 1.0,
     }
 
 
 def test_refusals_are_counted_one_by_one_or_many_at_once():
-    validator = MessageValidator(LIMITS, last_stamps={"sr_0": 0})
-    validator.refuse("sr_0", RefusalReason.FLOOD, 7)
-    validator.refuse("sr_0", RefusalReason.FLOOD)
-    assert validator.refusals == {("sr_0", RefusalReason.FLOOD): 8}
+    admission = Admission(LIMITS, last_stamps={"sr_0": 0})
+    admission.refuse("sr_0", RefusalReason.FLOOD, 7)
+    admission.refuse("sr_0", RefusalReason.FLOOD)
+    assert admission.refusals == {("sr_0", RefusalReason.FLOOD): 8}
 
 
 def test_ratings_of_oneself_are_refused():
-    validator = MessageValidator(LIMITS)
-    assert validator.accepted_ratings(
+    admission = Admission(LIMITS)
+    assert admission.admit(
         ratings((1.0, 0.5), ("srsp_0", "sp_0"), rater="srsp_0"), ("srsp_0", "sp_0"), NOW
-    ) == {"sp_0": 0.5}
-    assert validator.refusals == {("srsp_0", RefusalReason.ITSELF): 1}
+    ).ratings == {"sp_0": 0.5}
+    assert admission.refusals == {("srsp_0", RefusalReason.ITSELF): 1}
 
 
 def test_stamps_rise_by_the_smallest_gap():
-    validator = MessageValidator(LIMITS, last_stamps={"sr_1": NOW})
+    admission = Admission(LIMITS, last_stamps={"sr_1": NOW})
     for stamp, reason in (
         (0, None),
         (0, RefusalReason.REPLAYED),
@@ -122,22 +122,22 @@ def test_stamps_rise_by_the_smallest_gap():
         (500, None),
         (100, RefusalReason.REPLAYED),
     ):
-        validator.refusals.clear()
-        assert bool(validator.accepted_ratings(ratings(stamp=NOW + stamp), PROVIDERS, NOW)) is (
+        admission.refusals.clear()
+        assert bool(admission.admit(ratings(stamp=NOW + stamp), PROVIDERS, NOW).ratings) is (
             reason is None
         )
-        assert validator.refusals == ({("sr_0", reason): 1} if reason else {})
-    assert validator.accepted_ratings(ratings(rater="sr_1"), PROVIDERS, NOW) == {}
+        assert admission.refusals == ({("sr_0", reason): 1} if reason else {})
+    assert admission.admit(ratings(rater="sr_1"), PROVIDERS, NOW).ratings == {}
 
 
 def test_when_the_clock_has_gone_back_a_sender_with_a_key_waits():
     hour, stamps = 3600 * 10**9, {"sr_0": NOW}
     for keys, reason in ((Signed("sr_0"), RefusalReason.CLOCK), (None, None)):
-        validator = MessageValidator(LIMITS, keys, stamps)
-        assert bool(
-            validator.accepted_ratings(ratings(stamp=NOW - hour), PROVIDERS, NOW - hour)
-        ) is (reason is None)
-        assert validator.refusals == ({("sr_0", reason): 1} if reason else {})
+        admission = Admission(LIMITS, keys, stamps)
+        assert bool(admission.admit(ratings(stamp=NOW - hour), PROVIDERS, NOW - hour).ratings) is (
+            reason is None
+        )
+        assert admission.refusals == ({("sr_0", reason): 1} if reason else {})
     newcomers = Membership((), 10**9, {f"sr_{k}" for k in range(30)})
     for now in (NOW, NOW - hour):
         assert (
@@ -172,10 +172,10 @@ def test_the_clock_of_nodes_is_that_of_the_machine_but_for_small_steps_back(monk
 
 
 def test_unknown_names_take_no_memory():
-    validator = MessageValidator(LIMITS, Signed("sr_0"))
+    admission = Admission(LIMITS, Signed("sr_0"))
     for k in range(1000):
-        validator.accepted_ratings(ratings(rater=f"sr_x{k}"), PROVIDERS, NOW)
-    assert validator.refusals == {("", RefusalReason.UNKNOWN): 1000}
+        admission.admit(ratings(rater=f"sr_x{k}"), PROVIDERS, NOW)
+    assert admission.refusals == {("", RefusalReason.UNKNOWN): 1000}
 
 
 def test_refused_messages_do_not_change_trust(tmp_path):
@@ -192,7 +192,7 @@ def test_refused_messages_do_not_change_trust(tmp_path):
             got += noisy.receive(message, PERIOD * (r + 1) + 400_000_000)
     assert got == wanted
     counted = Counter()
-    for (_, reason), times in noisy.validator.refusals.items():
+    for (_, reason), times in noisy.admission.refusals.items():
         counted[reason] += times
     assert counted == sent
 
@@ -251,7 +251,7 @@ def test_a_flood_of_fresh_names_costs_the_others_no_round(tmp_path):
     assert sum(set(TEAM.raters) <= entry.ratings.keys() for entry in published) == rounds
     assert len(published[-1].team.raters) <= len(TEAM.raters) + MAX_STRANGERS
     assert (
-        keeper.validator.refusals["", RefusalReason.CROWDED]
+        keeper.admission.refusals["", RefusalReason.CROWDED]
         == names // rounds * rounds - MAX_STRANGERS
     )
     keeper.close()
@@ -261,7 +261,7 @@ def test_a_flood_of_fresh_names_costs_the_others_no_round(tmp_path):
         == []
     )
     strangers = len(published[-1].team.raters) - len(TEAM.raters)
-    assert (again.validator.refusals["", RefusalReason.CROWDED] == 1) is (
+    assert (again.admission.refusals["", RefusalReason.CROWDED] == 1) is (
         strangers == MAX_STRANGERS
     )
 
@@ -282,7 +282,7 @@ def test_a_key_is_for_a_role_of_the_scenario(name, reason, tmp_path):
     keeper = manager(tmp_path / "journal", keyring=Signed("sr_0", "sr_9", "sp_0", MANAGER))
     message = RatingMessage(Envelope(name, PERIOD, b"", name.encode()), ["sp_1"], [0.5])
     keeper.receive(message, PERIOD)
-    assert list(keeper.validator.refusals) == ([] if reason is None else [("", reason)])
+    assert list(keeper.admission.refusals) == ([] if reason is None else [("", reason)])
 
 
 HOUR = 3600 * 10**9
@@ -336,10 +336,10 @@ def test_a_single_fault_is_refused_for_its_own_reason(reason, keyed, tmp_path):
     keeper = manager(tmp_path / "journal", keyring=Signed(*names) if keyed else None)
     for earlier in before:
         keeper.receive(earlier, earlier.envelope.stamp)
-    keeper.validator.refusals.clear()
+    keeper.admission.refusals.clear()
     keeper.receive(message, BASE)
     nameless = reason is RefusalReason.UNKNOWN or (reason is RefusalReason.CROWDED and not keyed)
-    assert keeper.validator.refusals == {("" if nameless else message.envelope.sender, reason): 1}
+    assert keeper.admission.refusals == {("" if nameless else message.envelope.sender, reason): 1}
 
 
 def test_the_guide_has_every_reason_of_a_refusal():
@@ -364,4 +364,4 @@ def test_a_provider_without_a_key_cannot_join_a_team_with_keys(tmp_path):
         ),
         PERIOD,
     )
-    assert keeper.validator.refusals == {("sr_0", RefusalReason.UNKNOWN_PROVIDER): 2}
+    assert keeper.admission.refusals == {("sr_0", RefusalReason.UNKNOWN_PROVIDER): 2}

@@ -221,7 +221,7 @@ def _replay(
         messages = read_recording(recording, stage(progress, f"Playing {recording.name}"))
         rounds = sum(1 for _ in replay_recording(messages, manager, period))
         manager.close()
-    counts = manager.validator.refusals.items()
+    counts = manager.admission.refusals.items()
     refusals = ", ".join(
         f"{printable(rater) or 'unknown'} {reason}: {n}" for (rater, reason), n in counts
     )

@@ -195,7 +195,7 @@ def run_rater_node(
             if closed and active:  # a rater that is behind catches up: late ratings do not count
                 publish(closed[-1])
             if diagnostics.is_due:
-                diagnostics.publish({}, cameras.refusals + trust.inbox.validator.refusals)
+                diagnostics.publish({}, cameras.refusals + trust.inbox.admission.refusals)
 
 
 class QualitySelector:

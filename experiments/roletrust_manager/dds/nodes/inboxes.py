@@ -15,9 +15,9 @@ from roletrust_manager.admission import clock
 from roletrust_manager.admission.validation import (
     MANAGER,
     MAX_STRANGERS,
+    Admission,
     Envelope,
     Keyring,
-    MessageValidator,
     RatingMessage,
     RefusalReason,
     StampLimits,
@@ -53,7 +53,7 @@ M = TypeVar("M", bound=_Message)
 
 
 def read_message(
-    raw: bytes, sender: str, read: Callable[[bytes], M | None], validator: MessageValidator
+    raw: bytes, sender: str, read: Callable[[bytes], M | None], admission: Admission
 ) -> M | None:
     """Read a message on the topic of a sender.
 
@@ -61,7 +61,7 @@ def read_message(
         raw: Message, as CDR.
         sender: Name of the sender; empty for a topic of all.
         read: Function that reads it, or returns None if it is not for this node.
-        validator: Counts the message if it is refused.
+        admission: Counts the message if it is refused.
 
     Returns:
         The message; None if it cannot be read, names another sender or is not for this node.
@@ -69,23 +69,23 @@ def read_message(
     try:
         message = read(raw)
     except ValueError:
-        validator.refuse(sender, RefusalReason.GARBAGE)
+        admission.refuse(sender, RefusalReason.GARBAGE)
         return None
     if message is not None and sender and message.envelope.sender != sender:
-        validator.refuse(sender, RefusalReason.ELSEWHERE)
+        admission.refuse(sender, RefusalReason.ELSEWHERE)
         return None
     return message
 
 
 def _read_all(
-    reader: Reader, sender: str, read: Callable[[bytes], M | None], validator: MessageValidator
+    reader: Reader, sender: str, read: Callable[[bytes], M | None], admission: Admission
 ) -> Iterator[M]:
     """Iterate over the new messages of a reader that can be read; a flood is counted."""
     for raw in reader.take():
-        if (message := read_message(raw, sender, read, validator)) is not None:
+        if (message := read_message(raw, sender, read, admission)) is not None:
             yield message
     if reader.excess:
-        validator.refuse(sender, RefusalReason.FLOOD, reader.excess)
+        admission.refuse(sender, RefusalReason.FLOOD, reader.excess)
         reader.excess = 0
 
 
@@ -95,21 +95,21 @@ class Inbox(Generic[M]):
     Args:
         reader: Reader of the topic.
         read: See `read_message`.
-        validator: Refuses invalid messages and counts them.
+        admission: Refuses invalid messages and counts them.
         sender: Name of the sender; empty for a topic of all.
 
     Attributes:
-        validator: Refuses invalid messages and counts them.
+        admission: Refuses invalid messages and counts them.
     """
 
     def __init__(
         self,
         reader: Reader,
         read: Callable[[bytes], M | None],
-        validator: MessageValidator,
+        admission: Admission,
         sender: str = "",
     ) -> None:
-        self._reader, self._read, self._sender, self.validator = reader, read, sender, validator
+        self._reader, self._read, self._sender, self.admission = reader, read, sender, admission
 
     def take(self, now: int) -> Iterator[M]:
         """Iterate over the valid messages since the last call.
@@ -117,8 +117,8 @@ class Inbox(Generic[M]):
         Args:
             now: Time, nanoseconds.
         """
-        for message in _read_all(self._reader, self._sender, self._read, self.validator):
-            if self.validator.accepts(message.envelope, now):
+        for message in _read_all(self._reader, self._sender, self._read, self.admission):
+            if self.admission.accepts(message.envelope, now):
                 yield message
 
 
@@ -141,7 +141,7 @@ def trust_inbox(
         limits: See `trust_limits`.
     """
     reader = node.reader(TRUST, messages.TRUST, depth=100, quota=Quota(_MAX_PER_SECOND))
-    return Inbox(reader, messages.read_trust_message, MessageValidator(limits, keyring), MANAGER)
+    return Inbox(reader, messages.read_trust_message, Admission(limits, keyring), MANAGER)
 
 
 def diagnostics_inbox(
@@ -160,7 +160,7 @@ def diagnostics_inbox(
         return message if message is not None and counts(message.envelope.sender) else None
 
     reader = node.reader(DIAGNOSTICS, messages.DIAGNOSTICS, depth=100, quota=Quota(_MAX_PER_SECOND))
-    return Inbox(reader, read, MessageValidator(LIMITS, keyring))
+    return Inbox(reader, read, Admission(LIMITS, keyring))
 
 
 class TrustSubscription:
@@ -219,12 +219,12 @@ class RatingSubscription:
         timing: RoundTiming,
         keyring: Keyring | None = None,
     ) -> None:
-        self._provider, validator = provider, MessageValidator(timing.limits, keyring)
+        self._provider, admission = provider, Admission(timing.limits, keyring)
         self._inboxes = [
             Inbox(
                 node.reader(f"/{rater}{RATINGS}", messages.RATINGS),
                 messages.read_ratings_message,
-                validator,
+                admission,
                 rater,
             )
             for rater in raters
@@ -309,7 +309,7 @@ class AgentInbox(Generic[M]):
         kind: Type of the messages.
         read: Function of the name of an agent and a message on its topic, as CDR, that reads the
             message.
-        validator: Refuses invalid messages and counts them.
+        admission: Refuses invalid messages and counts them.
         known: Agents that are always received.
         strangers: Whether other agents are received.
         timing: Timing of the rounds, which limits the messages of each sender.
@@ -317,7 +317,7 @@ class AgentInbox(Generic[M]):
 
     Attributes:
         known: Agents that are always received.
-        validator: Refuses invalid messages and counts them.
+        admission: Refuses invalid messages and counts them.
         turned_away: Number of topics that were not read, by the participant that publishes them.
     """
 
@@ -327,7 +327,7 @@ class AgentInbox(Generic[M]):
         ending: str,
         kind: str,
         read: Callable[[str, bytes], M],
-        validator: MessageValidator,
+        admission: Admission,
         known: Container[str],
         *,
         strangers: bool,
@@ -342,7 +342,7 @@ class AgentInbox(Generic[M]):
             timing.period,
         )
         self._since = self._began = clock.now()  # of the last two reads
-        self.validator, self.known, self._strangers = validator, known, strangers
+        self.admission, self.known, self._strangers = admission, known, strangers
         self._readers = TopicReaders(node, depth, timing.quota)
         self.turned_away: Counter[str] = Counter()
 
@@ -366,7 +366,7 @@ class AgentInbox(Generic[M]):
         """
         self._since, self._began = self._began, clock.now()
         for name, reader in self.readers():
-            yield from _read_all(reader, name, partial(self._read, name), self.validator)
+            yield from _read_all(reader, name, partial(self._read, name), self.admission)
 
     def take(self, now: int) -> Iterator[M]:
         """Iterate over the valid messages since the last call; known agents come first.
@@ -375,7 +375,7 @@ class AgentInbox(Generic[M]):
             now: Time, nanoseconds.
         """
         for message in self.read():
-            if self.validator.accepts(message.envelope, self.arrival(message.envelope, now)):
+            if self.admission.accepts(message.envelope, self.arrival(message.envelope, now)):
                 yield message
 
     def arrival(self, envelope: Envelope, now: int) -> int:
@@ -401,7 +401,7 @@ class AgentInbox(Generic[M]):
             (f"participant {participant}", reason): count
             for participant, count in self.turned_away.items()
         }
-        return self.validator.refusals + Counter(away)
+        return self.admission.refusals + Counter(away)
 
     def readers(self) -> list[tuple[str, Reader]]:
         """Return the names of the agents and their readers; known agents come first."""
@@ -439,13 +439,13 @@ def camera_inbox(
     """
     _, serving = keys_by_role(keyring, team)
     known = team.providers if serving is None else serving
-    validator = MessageValidator(timing.limits, serving, members=team.providers)
+    admission = Admission(timing.limits, serving, members=team.providers)
     return AgentInbox(
         node,
         IMAGES,
         messages.IMAGE,
         messages.read_picture_message,
-        validator,
+        admission,
         known,
         strangers=serving is None,
         timing=timing,
@@ -455,7 +455,7 @@ def camera_inbox(
 def rating_inbox(
     node: Node,
     timing: RoundTiming,
-    validator: MessageValidator,
+    admission: Admission,
     known: Container[str],
     *,
     strangers: bool,
@@ -471,7 +471,7 @@ def rating_inbox(
         RATINGS,
         messages.RATINGS,
         read,
-        validator,
+        admission,
         known,
         strangers=strangers,
         timing=timing,

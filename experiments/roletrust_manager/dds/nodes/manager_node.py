@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from roletrust_env.trust import TrustModel
 from roletrust_manager.admission import clock
 from roletrust_manager.admission.keys import PublicKeys, Signer
-from roletrust_manager.admission.validation import MANAGER, Keyring, MessageValidator
+from roletrust_manager.admission.validation import MANAGER, Admission, Keyring
 from roletrust_manager.dds.manager import Manager
 from roletrust_manager.dds.nodes.inboxes import diagnostics_inbox, rating_inbox, read_message
 from roletrust_manager.dds.nodes.publishers import INTERVAL_S, ManagerPublisher
@@ -71,7 +71,7 @@ def run_manager_node(
     publisher = ManagerPublisher(node, signer)
     precedence.own = publisher.writer
     known, strangers = manager.known_raters, keyring is None
-    raters = rating_inbox(node, timing, manager.validator, known, strangers=strangers, depth=_DEPTH)
+    raters = rating_inbox(node, timing, manager.admission, known, strangers=strangers, depth=_DEPTH)
     begins = f"continues with round {manager.next_round} of" if manager.next_round else "begins"
     report(f"manager: {begins} {journal}, and waits for ratings")
     with run_until_signal() as active:
@@ -89,7 +89,7 @@ def run_manager_node(
                     manager.receive(message, now, raters.arrival(message.envelope, now))
                 )
             publisher.publish(manager.tick(clock.now()))
-            publisher.publish_diagnostics(manager, raters.refusals + precedence.validator.refusals)
+            publisher.publish_diagnostics(manager, raters.refusals + precedence.admission.refusals)
             node.wait(period / SECOND / 20)
     manager.close()
 
@@ -103,7 +103,7 @@ def receive_raw(manager: Manager, name: str, raw: bytes, now: int) -> list[Journ
         raw: Message, as CDR.
         now: Time of arrival, nanoseconds.
     """
-    message = read_message(raw, name, messages.read_ratings_message, manager.validator)
+    message = read_message(raw, name, messages.read_ratings_message, manager.admission)
     return [] if message is None else manager.receive(message, now)
 
 
@@ -161,9 +161,9 @@ class Precedence:
         self._others = set[str]()
 
     @property
-    def validator(self) -> MessageValidator:
+    def admission(self) -> Admission:
         """Counts forged diagnostics."""
-        return self._inbox.validator
+        return self._inbox.admission
 
     def wait_for_others(self) -> bool:
         """Wait until other managers would be known, and return whether there is one."""

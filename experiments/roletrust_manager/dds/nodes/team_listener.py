@@ -11,8 +11,8 @@ import numpy as np
 from roletrust_manager.admission import clock
 from roletrust_manager.admission.validation import (
     MANAGER,
+    Admission,
     Keyring,
-    MessageValidator,
     RefusalReason,
     keys_by_role,
 )
@@ -73,8 +73,8 @@ class TeamListener:
         self._diagnostics = diagnostics_inbox(self._node, keyring, self._is_of_team)
         self._cameras = camera_inbox(self._node, timing, keyring, team)
         known = team.raters if rating is None else rating
-        validator = MessageValidator(timing.limits, rating, members=team.raters)
-        self._raters = rating_inbox(self._node, timing, validator, known, strangers=rating is None)
+        admission = Admission(timing.limits, rating, members=team.raters)
+        self._raters = rating_inbox(self._node, timing, admission, known, strangers=rating is None)
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
 
@@ -83,7 +83,7 @@ class TeamListener:
         """Number of messages that this listener refused, by sender and reason."""
         inboxes = self._trust, self._diagnostics, self._cameras, self._raters
         return sum(
-            (inbox.validator.refusals for inbox in inboxes), Counter[tuple[str, RefusalReason]]()
+            (inbox.admission.refusals for inbox in inboxes), Counter[tuple[str, RefusalReason]]()
         )
 
     def close(self) -> None:
