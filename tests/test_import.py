@@ -152,7 +152,7 @@ from roletrust_experiments.cli import app
 for name, command in typer.main.get_command(app).commands.items(): command.loaded; print(name)"""  # noqa: E501
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert shown.returncode == 0, shown.stderr
-    assert len(shown.stdout.split()) == 15
+    assert len(shown.stdout.split()) == 16
 
 
 def test_without_extras_public_names_are_those_that_can_be_imported() -> None:

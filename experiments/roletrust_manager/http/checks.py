@@ -26,7 +26,7 @@ from roletrust_manager.http.tokens import (
     Rating,
     Registration,
     Rotation,
-    has_recovery,
+    has_proofs,
     has_work,
     key_as_text,
     read_token,
@@ -131,9 +131,8 @@ class RequestChecks(NamedTuple):
                 raise refusal(RefusalReason.REPLAYED, claims, at, "sign one after the other")
             if isinstance(claims, Rotation):
                 registered_key(claims)
-                recovery = self.members.recovery.get(claims.iss)
-                if recovery is not None and not has_recovery(claims, recovery):
-                    hint = "sign it with the recovery key, too"
+                if not has_proofs(claims, self.members.recovery.get(claims.iss)):
+                    hint = "sign it with the new key, and with the recovery key if there is one"
                     raise refusal(RefusalReason.MIS_SIGNED, claims, at, hint)
             if not isinstance(claims, Rating):
                 continue

@@ -33,7 +33,7 @@ from roletrust_manager.http.tokens import (
     Rotation,
     key_as_text,
     sign_token,
-    with_recovery,
+    with_proofs,
     with_work,
 )
 
@@ -129,7 +129,6 @@ class TrustClient:
             )
         self.url, self.name, self._patience_s = url.rstrip("/"), name, patience_s
         self._keys = keys
-        self._recovery: Ed25519PrivateKey | None = None
         self._signer: Signer | None = None
         if name is not None:
             make_keys(keys, [name])
@@ -212,7 +211,7 @@ class TrustClient:
         make_keys(folder, [self.name])
         signer = Signer(folder, self.name)
         content = {"key": key_as_text(signer.key.public_key())}
-        self._recovery = recovery
+        self._new_keys = signer.key, recovery
         if self.ask(self.name).key != content["key"]:
             self._send(TokenReceipt, "PUT", f"/agents/{self.name}", Rotation, [content])
         for suffix in (".pub", ".key"):
@@ -363,8 +362,8 @@ class TrustClient:
                 raise ValueError(validation_message(error)) from None
             if isinstance(claims, Registration):
                 claims = with_work(claims, self.manager.work)
-            if isinstance(claims, Rotation) and self._recovery is not None:
-                claims = with_recovery(claims, self._recovery)
+            if isinstance(claims, Rotation):
+                claims = with_proofs(claims, *self._new_keys)
             tokens.append(sign_token(claims, self._signer.key))
         return {"tokens": tokens} if kind is Rating else {"token": tokens[0]}
 

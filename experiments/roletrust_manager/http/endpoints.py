@@ -119,10 +119,10 @@ class Endpoints:
             self._refused.clear()
             try:
                 await self._writer.run(self._manager.advance)
-            except StoreError as error:
+            except Exception as error:  # the next round may succeed
                 self.log(error)
 
-    def log(self, error: StoreError) -> None:
+    def log(self, error: Exception) -> None:
         """Tell the operator of a failure, once."""
         if self._told != (text := str(error)):
             _log.error(text)

@@ -186,22 +186,25 @@ class JournalTrust:
         at = (self.rounds, self.counted, self.n_counted)
         return StoredTrust(*at, self._start, self._first, stream)
 
-    def load(self, stored: StoredTrust) -> None:
-        """Go on from what was kept, with the same model and settings.
+    def load(self, stored: StoredTrust) -> bool:
+        """Go on from what was kept, with the same model and settings; return whether that is
+        possible.
 
         Raises:
-            ValueError: The stream is of another model, or of another version.
             StoreError: The journal cannot be read.
         """
-        self.rounds, self.counted, self.n_counted, self._start, self._first, stream = stored
         if self._stream is not None:
-            with TemporaryDirectory() as folder:
-                (Path(folder) / "stream").write_bytes(stream)
-                self._stream = TrustStream.load(
-                    Path(folder) / "stream", self._model, **self._settings
-                )
+            try:
+                with TemporaryDirectory() as folder:
+                    path = Path(folder) / "stream"
+                    path.write_bytes(stored.stream)
+                    self._stream = TrustStream.load(path, self._model, **self._settings)
+            except (ValueError, OSError):
+                return False
+        self.rounds, self.counted, self.n_counted, self._start, self._first, _ = stored
         if self.rounds:
             self._rank()
+        return True
 
     def fits(self, agents: int) -> bool:
         """Return whether the model has room for so many agents."""

@@ -6,8 +6,12 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
+from hashlib import sha256
 from importlib.metadata import version
+from inspect import getfile
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import select
@@ -99,55 +103,59 @@ class TrustManager:
         self._failure = ""  # of the model, for good
         self.refusals: Counter[tuple[str, RefusalReason]] = Counter()
         self.tell: Callable[[RoundEnd], object] = lambda end: None
+        self._time = 0
+        self._trust: JournalTrust
         self._replay()
+        self.advance()
+        self._sent = self._count_sent(self._trust)
 
     def _replay(self) -> None:
         """Begin with what the store has; it is opened once all that can be checked without it has
-        been.
+        been. Nothing changes if that fails.
         """
         settings, store = self.settings, self._store
-        trust = JournalTrust(
-            store,
-            self._made,
-            settings.every,
-            settings.scale,
-            same_agents=settings.same_agents,
-        )
+        every, scale, same_agents = settings[:3]
+        trust = JournalTrust(store, self._made, every, scale, same_agents=same_agents)
         store.open()
-        members, tree = Members(settings), MerkleTree()
-        snapshot = read_snapshot(store, self._about)
-        if snapshot is not None:
-            tree = snapshot.tree
-            members.load(snapshot.members)
-            trust.load(snapshot.trust)
-        self._trust, self._members, self._tree = trust, members, tree
-        self._checks = RequestChecks(store.name, settings, members, self._clock, self._n_sent)
+        members, tree = Members(settings, store.name), MerkleTree()
         members.admission.refusals = self.refusals
-        self._sent: Counter[str] = Counter()  # ratings of each agent in the running round
-        at = (0, 0, 0) if snapshot is None else (snapshot.seq, snapshot.time, snapshot.ratings)
-        self._seq, self._time, self._ratings = at
-        for event in store.history(self._seq, self._time):
-            self._tree.append(event_leaf(event.seq, event.time, event.token))
-            self._note(event)
-        store.check_head(self._seq, self._tree.root())
-        self._kept, self._digests = at[0], [] if snapshot is None else snapshot.digests
-        self._sent.clear()
-        self.advance()
-        running = select(events.c.sender).where(
-            events.c.kind == "rating", events.c.seq > self._trust.counted
+        seq = last = ratings = 0
+        digests = list[str]()
+        snapshot = read_snapshot(store, self._about)
+        if snapshot is not None and trust.load(snapshot.trust):
+            seq, last, ratings, _, tree, _, digests = snapshot
+            members.load(snapshot.members)
+        kept = seq
+        for event in store.history(seq, last):
+            if not members.fits(event):
+                raise self._damaged(event)
+            members.follow(event)
+            tree.append(event_leaf(event.seq, event.time, event.token))
+            seq, last = event.seq, event.time
+            if event.kind == "rating":
+                trust.expect(last / MICROSECONDS)
+                ratings += 1
+        store.check_head(seq, tree.root())
+        self._sent = self._count_sent(trust)
+        self._checks = RequestChecks(store.name, settings, members, self._clock, self._n_sent)
+        self._trust, self._members, self._tree = trust, members, tree
+        self._seq, self._time, self._ratings = seq, max(last, self._time), ratings
+        self._kept, self._digests = kept, digests
+
+    def _count_sent(self, trust: JournalTrust) -> Counter[str]:
+        """Return the number of ratings of each agent that do not count yet."""
+        waiting = events.c.kind == "rating", events.c.seq > trust.counted
+        rows = self._store.rows(select(events.c.sender).where(*waiting))
+        return Counter(name_of(sender) for (sender,) in rows)
+
+    def _damaged(self, event: Event) -> StoreError:
+        return self._store.damaged(
+            event.seq, f"{event.sender!r} cannot have sent this {event.kind}"
         )
-        self._sent.update(name_of(sender) for (sender,) in store.rows(running))
 
     def _note(self, event: Event) -> None:
-        """Take an event into account that is in the store.
-
-        Raises:
-            StoreError: No manager has written it.
-        """
-        if not self._members.follow(event):
-            raise self._store.damaged(
-                event.seq, f"{event.sender!r} cannot have sent this {event.kind}"
-            )
+        """Take an event into account that is in the store."""
+        self._members.follow(event)
         self._seq, self._time = event.seq, max(event.time, self._time)
         if event.kind == "rating":
             self._trust.expect(event.time / MICROSECONDS)
@@ -159,10 +167,13 @@ class TrustManager:
         """Settings on which a snapshot depends."""
         every, scale, same_agents = self.settings[:3]
         about = {"model": repr(self._made), "every": every, "scale": list(scale)}
-        return {**about, "same_agents": same_agents, "version": _VERSION}
+        code = sha256(Path(getfile(type(self._made))).read_bytes()).hexdigest()
+        return {**about, "same_agents": same_agents, "version": _VERSION, "code": code}
 
     def _keep(self) -> None:
-        """Write a snapshot; without it a restart takes longer, and nothing else is lost."""
+        """Write a snapshot, if the store is a file; without it a restart takes longer."""
+        if self._store.path is None:
+            return
         at, members = (self._seq, self._time, self._ratings), self._members.save()
         known = self._digests[: self._kept // BLOCK]
         self._digests = self._store.digests(self._seq, known)
@@ -198,6 +209,8 @@ class TrustManager:
                 self._tree.truncate(self._seq)
                 if self._store.last() != self._seq:
                     self._replay()
+                    self.advance()
+                    self._sent = self._count_sent(self._trust)
             self._in_doubt = False
             self.advance()
         except StoreError as error:
@@ -205,12 +218,14 @@ class TrustManager:
         self._new.clear()  # of requests at which something has broken
         answers, names = list[list[Receipt] | RefusedError | StoreError](), set[str]()
         for request in requests:
-            mine = {request.name} | ({""} if request.key is None else set())
-            if names & mine:  # which depend on one another
+            joins = any(not isinstance(one.claims, Rating) for one in request.signed)
+            if joins or request.name in names:  # what others depend on is written for itself
                 self._write(answers)
                 names.clear()
-            names |= mine
+            names.add(request.name)
             answers.append(self._answer(request))
+            if joins:
+                self._write(answers)
         self._write(answers)
         return answers
 
@@ -224,6 +239,8 @@ class TrustManager:
         try:
             if self._in_doubt:
                 raise StoreError("the store is in doubt")
+            if unfit := [event for event in new if not self._members.fits(event)]:
+                raise self._damaged(unfit[0])  # rather than a store that cannot be read again
             self._in_doubt = True
             for event in new:
                 self._tree.append(event_leaf(event.seq, event.time, event.token))
@@ -273,7 +290,8 @@ class TrustManager:
         )
         end = end._replace(provider=provider, rater=rater)
         if self._seq - self._kept >= _KEPT_EVERY and not self._new:
-            self._keep()
+            with suppress(OSError):
+                self._keep()
         self.tell(end)
         return end
 
@@ -485,7 +503,8 @@ class TrustManager:
     def close(self) -> None:
         """Release the store, after a snapshot."""
         if self._seq - self._kept >= _FEW and not self._in_doubt and not self._failure:
-            self._keep()
+            with suppress(OSError):
+                self._keep()
         self._store.close()
 
 

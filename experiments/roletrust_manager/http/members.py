@@ -5,7 +5,7 @@ from base64 import urlsafe_b64decode
 from collections import Counter
 from collections.abc import Sequence
 from hashlib import sha256
-from typing import Any
+from typing import Any, TypeVar
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from pydantic import NonNegativeInt
@@ -35,6 +35,7 @@ from roletrust_manager.http.tokens import (
 )
 from roletrust_manager.journal.sql import Event
 
+_KeyClaims = TypeVar("_KeyClaims", Registration, Rotation)
 _AGAIN = "~"  # between the name of an agent that has come back, and how often it has begun
 
 
@@ -56,8 +57,10 @@ class Members:
 
     Args:
         settings: Settings of the manager.
+        manager: Its name.
 
     Attributes:
+        begun: Number of agents that have ever been there; who comes back is another one.
         keys: Key of each name that was ever registered.
         keyring: The same, as a `Keyring`.
         recovery: Recovery key of each name that has one.
@@ -67,7 +70,8 @@ class Members:
         limit: Limits the newcomers of a round.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, manager: str) -> None:
+        self._manager, self.begun = manager, 0
         self.keys: dict[str, Ed25519PublicKey] = {}
         self.by_name: dict[str, Member] = {}
         self.latest: dict[str, LastRequest] = {}
@@ -78,73 +82,67 @@ class Members:
         self.admission = Admission(limits, self.keyring)
         self.limit = NewcomerLimit(settings.newcomers, round(settings.every * 1e9))
 
-    @property
-    def begun(self) -> int:
-        """Number of agents that have ever been there; who comes back is another one."""
-        return self._begun.total()
-
     def next_identity(self, name: str) -> str:
         """Return the identity that an agent gets if it registers now."""
         number = self._begun[name] + 1
         return name if number == 1 else f"{name}{_AGAIN}{number}"
 
-    def follow(self, event: Event) -> bool:
-        """Take an event into account; return whether its agent can have sent it then, and its token
-        says the same.
-        """
+    def fits(self, event: Event) -> bool:
+        """Return whether its agent can have sent an event now, and its token says the same."""
         name, claims = name_of(event.sender), _claims(event.token)
-        member = self.by_name.get(name)
-        nonce = claims.get("jti")
-        envelope = Envelope(name, event.stamp, nonce=nonce if isinstance(nonce, str) else "")
-        said = claims.get("kind"), claims.get("iss"), _stamp(claims.get("iat"))
-        if said != (event.kind, name, event.stamp) or not self.admission.is_new(envelope):
+        member, audience = self.by_name.get(name), claims.get("aud")
+        said = (
+            claims.get("kind"),
+            claims.get("iss"),
+            audience[0] if isinstance(audience, list) and audience else audience,
+            _stamp(claims.get("iat")),
+        )
+        if said != (event.kind, name, self._manager, event.stamp):
+            return False
+        if not self.admission.is_new(_envelope(event, claims)):
+            return False
+        if event.kind != "rating" and (event.provider, event.rating) != (None, None):
             return False
         if event.kind == "register":
-            if member is not None or not self._joins(event, name):
-                return False
-        elif member is None or member.identity != event.sender:
+            key = _read(event, Registration)
+            known = key is not None and self.keys.get(name, key[1]) == key[1]
+            return member is None and known and event.sender == self.next_identity(name)
+        if member is None or member.identity != event.sender:
             return False
-        elif event.kind == "leave":
-            del self.by_name[name]
-        elif event.kind == "rotate":
-            try:
-                rotation, _ = read_token(event.token, Rotation)
-            except ValueError:
-                return False
-            self.keys[name] = key_of_text(rotation.key)
-            self.by_name[name] = member._replace(key=rotation.key)
-        else:
-            provider = claims.get("sub")
-            rated = self.by_name.get(provider) if isinstance(provider, str) else None
-            if rated is None or rated == member or rated.identity != event.provider:
-                return False
-            if event.rating is None or claims.get("rating") != event.rating:
-                return False
-        self.admission.remember(envelope)
+        if event.kind == "rotate":
+            return _read(event, Rotation) is not None
+        if event.kind == "leave":
+            return True
+        provider, rating = claims.get("sub"), claims.get("rating")
+        rated = self.by_name.get(provider) if isinstance(provider, str) else None
+        if rated is None or rated == member or rated.identity != event.provider:
+            return False
+        return isinstance(rating, int | float) and float(rating) == event.rating
+
+    def follow(self, event: Event) -> None:
+        """Take an event into account, which fits."""
+        name = name_of(event.sender)
+        self.admission.remember(_envelope(event, _claims(event.token)))
         before = self.latest.get(name)
         if before is None or before.time != event.time:
             before = LastRequest(event.seq, 0, event.time, "")
         digest = digest_of([event.token], before.digest)
         self.latest[name] = before._replace(size=before.size + 1, digest=digest)
-        return True
-
-    def _joins(self, event: Event, name: str) -> bool:
-        """Let an agent join, and return whether it can with that key and identity."""
-        try:
-            claims, _ = read_token(event.token, Registration)
-            key = key_of_text(claims.key)
-        except ValueError:
-            return False
-        if event.sender != self.next_identity(name) or self.keys.get(name, key) != key:
-            return False
-        if name not in self.keys and claims.recovery is not None:
-            self.recovery[name] = key_of_text(claims.recovery)
-        self.keys[name] = key
-        self._begun[name] += 1
-        receipt = Receipt(event.seq, event.time / MICROSECONDS)
-        self.by_name[name] = Member(name, event.sender, claims.key, receipt)
-        self.limit.admits(event.time * 1000)
-        return True
+        if event.kind == "leave":
+            del self.by_name[name]
+        elif (found := _read(event, Rotation)) is not None:
+            self.by_name[name] = self.by_name[name]._replace(key=found[0].key)
+            self.keys[name] = found[1]
+        elif (joined := _read(event, Registration)) is not None:
+            claims, key = joined
+            if name not in self.keys and claims.recovery is not None:
+                self.recovery[name] = key_of_text(claims.recovery)
+            self.keys[name] = key
+            self._begun[name] += 1
+            self.begun += 1
+            receipt = Receipt(event.seq, event.time / MICROSECONDS)
+            self.by_name[name] = Member(name, event.sender, claims.key, receipt)
+            self.limit.admits(event.time * 1000)
 
     def save(self) -> StoredMembers:
         """Return all that is kept."""
@@ -173,6 +171,7 @@ class Members:
             for name, identity, key, seq, time in stored.members
         }
         self._begun.update(stored.begun)
+        self.begun = self._begun.total()
         self.latest |= stored.latest
         for name, stamp in stored.stamps.items():
             self.admission.remember_last(
@@ -203,6 +202,23 @@ def _claims(token: str) -> dict[str, Any]:
     except (ValueError, IndexError):
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def _envelope(event: Event, claims: dict[str, Any]) -> Envelope:
+    nonce = claims.get("jti")
+    nonce = nonce if isinstance(nonce, str) else ""
+    return Envelope(name_of(event.sender), event.stamp, nonce=nonce)
+
+
+def _read(event: Event, kind: type[_KeyClaims]) -> tuple[_KeyClaims, Ed25519PublicKey] | None:
+    """Return the claims and the key of an event of a kind; None if it is of another, or damaged."""
+    if event.kind != kind.model_fields["kind"].default:
+        return None
+    try:
+        claims, _ = read_token(event.token, kind)
+        return claims, key_of_text(claims.key)
+    except ValueError:
+        return None
 
 
 def _stamp(iat: object) -> int:

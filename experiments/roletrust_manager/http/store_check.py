@@ -18,7 +18,7 @@ from roletrust_manager.http.tokens import (
     Rating,
     Registration,
     Rotation,
-    has_recovery,
+    has_proofs,
     read_token,
 )
 from roletrust_manager.journal.merkle import MerkleTree
@@ -70,13 +70,14 @@ def check_store(
         store, model, settings.every, settings.scale, same_agents=settings.same_agents
     )
     store.open()
-    members, tree, seq, end = Members(settings), MerkleTree(), 0, 0.0
+    members, tree, seq, end = Members(settings, store.name), MerkleTree(), 0, 0.0
     seen, unknown = set[str](), dict[str, int]()  # agents whose known key has not come yet
     for event in store.history():
         name = name_of(event.sender)
         key = members.keys.get(name)
-        if not members.follow(event):
+        if not members.fits(event):
             raise store.damaged(event.seq, f"{name!r} cannot have sent this {event.kind}")
+        members.follow(event)
         key = key or members.keys[name]  # of a registration
         claims, envelope = read_token(event.token, _KINDS[event.kind])
         if keys.get(name) == members.keys[name]:
@@ -84,10 +85,10 @@ def check_store(
         elif event.kind == "register" and name in keys and name not in seen:
             unknown[name] = event.seq
         seen.add(name)
-        recovery, is_recovered = members.recovery.get(name), True
-        if isinstance(claims, Rotation) and recovery is not None:
-            is_recovered = has_recovery(claims, recovery)
-        if not is_recovered or not is_genuine(envelope, KnownKeys({name: key})):
+        is_proved = not isinstance(claims, Rotation) or has_proofs(
+            claims, members.recovery.get(name)
+        )
+        if not is_proved or not is_genuine(envelope, KnownKeys({name: key})):
             raise store.damaged(event.seq, f"{name!r} has not signed it")
         seq, end = event.seq, event.time / MICROSECONDS
         tree.append(event_leaf(seq, event.time, event.token))

@@ -32,6 +32,7 @@ Key = Annotated[str, Field(pattern="^[-_A-Za-z0-9]{43}$")]
 """Public key, ed25519: 32 bytes in base64url without padding, as `x` of a JSON Web Key (RFC
 8037)."""
 
+_Signature = Annotated[str, Field(pattern="^[-_A-Za-z0-9]{86}$")]
 _Time = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -107,12 +108,15 @@ class Rotation(Claims):
 
     Attributes:
         key: New public key of the agent.
-        recovered: Signature with the recovery key, see `with_recovery`; None without such a key.
+        proof: Signature with the new key, see `with_proofs`, so that nobody can claim the key of
+            another.
+        recovered: Signature with the recovery key; None without such a key.
     """
 
     kind: Literal["rotate"] = "rotate"
     key: Key
-    recovered: Annotated[str, Field(pattern="^[-_A-Za-z0-9]{86}$")] | None = None
+    proof: _Signature = "-" * 86
+    recovered: _Signature | None = None
 
 
 class Leave(Claims):
@@ -148,6 +152,10 @@ def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
     header = parse_json(head)
     if not isinstance(header, dict) or header.get("alg") != _ALGORITHM or "crit" in header:
         raise ValueError(f"a token has the algorithm {_ALGORITHM}, and no critical extensions")
+    said, wanted = parse_json(payload), kind.model_fields["kind"].default
+    if not isinstance(said, dict) or said.get("kind") != wanted:
+        found = said.get("kind") if isinstance(said, dict) else said
+        raise ValueError(f"the kind of the token is {short(repr(found))}; it must be {wanted}")
     try:
         claims = kind.model_validate_json(payload)
     except ValidationError as error:
@@ -221,17 +229,32 @@ def with_work(claims: Registration, bits: int) -> Registration:
     return claims.model_copy(update={"work": nonce})
 
 
-def with_recovery(claims: Rotation, recovery: Ed25519PrivateKey) -> Rotation:
-    """Return a rotation with the signature of its `aud`, `iss`, `key`, and `iat` in whole
+def with_proofs(
+    claims: Rotation, key: Ed25519PrivateKey, recovery: Ed25519PrivateKey | None = None
+) -> Rotation:
+    """Return a rotation with the signatures of its `aud`, `iss`, `key`, and `iat` in whole
     microseconds, each ended by a newline.
+
+    Args:
+        claims: Claims of the rotation.
+        key: New key of the agent.
+        recovery: Recovery key, if one is registered.
     """
-    return claims.model_copy(update={"recovered": _base64url(recovery.sign(_statement(claims)))})
+    statement = _statement(claims)
+    proofs = {"proof": _base64url(key.sign(statement))}
+    if recovery is not None:
+        proofs["recovered"] = _base64url(recovery.sign(statement))
+    return claims.model_copy(update=proofs)
 
 
-def has_recovery(claims: Rotation, recovery: Ed25519PublicKey) -> bool:
-    """Return whether a rotation is signed with a recovery key, too."""
+def has_proofs(claims: Rotation, recovery: Ed25519PublicKey | None) -> bool:
+    """Return whether a rotation is signed with the new key, and with a recovery key if there is
+    one.
+    """
     try:
-        recovery.verify(_decoded(claims.recovered or ""), _statement(claims))
+        key_of_text(claims.key).verify(_decoded(claims.proof), _statement(claims))
+        if recovery is not None:
+            recovery.verify(_decoded(claims.recovered or ""), _statement(claims))
     except (InvalidSignature, ValueError):
         return False
     return True

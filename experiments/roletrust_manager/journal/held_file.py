@@ -38,7 +38,7 @@ class HeldFile:
         """
         try:
             named = os.path.samestat(os.stat(self._path), os.fstat(self.number))
-        except FileNotFoundError:
+        except OSError:
             named = False
         if not named:
             raise FileNotFoundError(f"{self._path} was deleted or replaced while it was in use")

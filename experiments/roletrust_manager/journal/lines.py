@@ -382,9 +382,15 @@ def _decode_base64(text: str) -> bytes:
 
 
 def complete_size(path: Path) -> int:
-    """Return the size of a file without an unfinished last line, bytes."""
+    """Return the size of a journal without an unfinished last line, and without the line of a team
+    whose first round is not there, bytes.
+    """
+    if not path.stat().st_size:
+        return 0
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
-        return text.rfind(b"\n") + 1
+        end = text.rfind(b"\n") + 1
+        last = text.rfind(b"\n", 0, max(end - 1, 0)) + 1
+        return last if text[last:end].startswith(b'{"raters"') else end
 
 
 def _line(data: dict[str, Any]) -> bytes:

@@ -283,7 +283,8 @@ class JournalStore:
             )
 
     def digests(self, until: int, known: Sequence[str] = ()) -> list[str]:
-        """Return the SHA-256 of each block of events up to a number, all of their columns.
+        """Return the SHA-256 of each block of events up to a number, all of their columns, in a
+        file of SQLite.
 
         Args:
             until: Number of the last event.
@@ -294,7 +295,9 @@ class JournalStore:
         """
         rows = select(events).where(events.c.seq.between(bindparam("a"), bindparam("b")))
         ordered = rows.order_by(events.c.seq).subquery()
-        query = select(*(func.aggregate_strings(cast(c, Text), " ") for c in ordered.c))
+        texts = (func.aggregate_strings(func.coalesce(cast(c, Text), "-"), " ") for c in ordered.c)
+        kinds = (end(func.typeof(c)) for c in ordered.c for end in (func.min, func.max))
+        query = select(*texts, *kinds)
 
         def digest(first: int) -> str:
             ends = {"a": first, "b": min(first + BLOCK - 1, until)}

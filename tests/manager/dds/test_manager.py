@@ -353,3 +353,16 @@ def test_what_a_line_holds_is_checked_like_what_is_sent(tmp_path):
             path.write_bytes(b"\n".join([*lines[:at], damaged, *lines[at + 1 :]]) + b"\n")
             with refuses(ValueError, "journal"):
                 list(read_journal(path))
+
+
+def test_a_kill_between_the_line_of_a_team_and_its_round_is_mended(tmp_path):
+    path, ratings = tmp_path / "journal", random_ratings(4, lost=0.0)
+    keeper = manager(path)
+    feed(keeper, *ratings)
+    keeper.close()
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'{"raters": ["sr_0", "new"], "providers": ["sp_0"]}\n')
+    again = manager(path)
+    feed(again, *random_ratings(2, lost=0.0), first=6)
+    again.close()
+    assert manager(path).next_round == again.next_round > 4

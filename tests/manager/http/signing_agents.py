@@ -18,7 +18,7 @@ from roletrust_manager.http.tokens import (
     Rotation,
     key_as_text,
     sign_token,
-    with_recovery,
+    with_proofs,
     with_work,
 )
 from roletrust_manager.journal.sql import JournalStore
@@ -63,9 +63,9 @@ class Agent:
 
     def rotation(self, seed: int, recovery: Ed25519PrivateKey | None = None) -> str:
         """A token by which the agent with another seed replaces the key of this one."""
-        key = Agent(self.name, self._clock, seed).key.public_key()
-        claims = Rotation(**self._claims(), key=key_as_text(key))
-        return sign_token(claims if recovery is None else with_recovery(claims, recovery), self.key)
+        key = Agent(self.name, self._clock, seed).key
+        claims = Rotation(**self._claims(), key=key_as_text(key.public_key()))
+        return sign_token(with_proofs(claims, key, recovery), self.key)
 
     def farewell(self) -> str:
         return sign_token(Leave(**self._claims()), self.key)

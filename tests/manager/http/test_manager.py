@@ -6,6 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import jwt
 import numpy as np
 import pytest
 from cryptography.exceptions import InvalidSignature
@@ -32,8 +33,9 @@ from roletrust_env.logs.rounds import MOST
 from roletrust_manager.admission.validation import RefusalReason
 from roletrust_manager.http import checks, journal_trust
 from roletrust_manager.http.manager import TrustManager
-from roletrust_manager.http.requests import Request
+from roletrust_manager.http.requests import RefusedError, Request
 from roletrust_manager.http.tokens import (
+    Leave,
     Rating,
     Registration,
     key_as_text,
@@ -408,11 +410,42 @@ def test_a_batch_that_breaks_leaves_nothing_behind(tmp_path: Path, monkeypatch: 
                 patch.undo()
         manager.rate([other])
         lines = manager.export()[0].splitlines()[1:]
-        assert [line[:11] for line in lines] == [
-            "ann,bob,1.0",
-            "bob,ann,1.0",
-        ]  # the first was written
+        assert [line[:11] for line in lines] == ["ann,bob,1.0", "ann,bob,1.0", "bob,ann,1.0"]
+        assert manager.about()["ratings"] == 3  # what was written counts, though nobody was told
+
+
+def test_requests_of_a_batch_that_depend_on_one_another_are_taken_in_order(tmp_path: Path):
+    clock = Clock()
+    with managed(tmp_path / "s", clock) as manager:
+        ann, bob, cec = joined(manager, clock, "ann", "bob", "cec")
+        leaves, rates = Request(Leave, [bob.farewell()], "bob"), [ann.rating("bob", 1)]
+        new = Agent("new", clock)
+        batch = [leaves, Request(Rating, rates), Request(Registration, [new.registration()])]
+        checked = [manager.check(request) for request in batch]
+        _, refused_one, _ = manager.take(checked)
+        assert isinstance(refused_one, RefusedError)
+        assert refused_one.reason is RefusalReason.UNKNOWN_PROVIDER
+        first, second = ([cec.rating("new", 1)], [cec.rating("ann", 1)])
+        taken = manager.take([manager.check(Request(Rating, one)) for one in (first, second)])
+        assert [receipts[0].seq for receipts in taken] == [6, 7]
+    with managed(tmp_path / "s", clock) as manager:
         assert manager.about()["ratings"] == 2
+
+
+def test_a_token_is_read_by_one_rule(tmp_path: Path):
+    """What the rule of a start would not take is refused, and not written."""
+    clock, wide = Clock(), QUICK._replace(scale=(0.0, 1e17))
+    with managed(tmp_path / "s", clock, wide) as manager:
+        ann, _ = joined(manager, clock, "ann", "bob")
+        clock.now += 1
+        claims = {"iss": "ann", "aud": NAME, "iat": clock.now, "sub": "bob", "rating": 1}
+        kind = {"kind": "rating"}
+        for change in (claims, claims | {"kind": "leave"}):
+            refused(manager, RefusalReason.GARBAGE, "rate", [jwt.encode(change, ann.key, "EdDSA")])
+        exact = claims | kind | {"rating": 2**53 + 1, "aud": [NAME]}
+        manager.rate([jwt.encode(exact, ann.key, "EdDSA")])
+    with managed(tmp_path / "s", clock, wide) as manager:
+        assert manager.about()["ratings"] == 1
 
 
 def test_registered_claims_are_honoured(tmp_path: Path):

@@ -2,7 +2,9 @@
 
 import base64
 import json
+import shutil
 import sqlite3
+import tempfile
 from contextlib import closing
 from pathlib import Path
 
@@ -40,6 +42,7 @@ from roletrust_manager.journal.verify import event_leaf
         ("update events set time = 'x' where seq = 5", ("5", "x")),
         ("update events set rating = 9e999 where seq = 4", ("4", "inf")),
         ("update events set rating = 0.25 where seq = 4", ("4", "ann")),
+        ("update events set provider = 'ann', rating = 1.0 where seq = 1", ("1", "ann")),
         ("delete from events where seq = 5", ("5",)),
         ("update events set time = time + 1 where seq = 5", ("5",)),
         ("update meta set value = '5 00' where name = 'head'", ("5",)),
@@ -205,11 +208,22 @@ def test_a_start_with_a_snapshot_is_as_one_without(
             assert manager.rate([last]) == [receipt]
             refused(manager, RefusalReason.TAKEN, "register", Agent("bob", clock, 7).registration())
     (tmp_path / "s.snapshot").write_bytes(kept)
-    with closing(sqlite3.connect(path)) as connection:
-        connection.execute("update events set rating = 0.5 where seq = 4")
-        connection.commit()
-    with refuses(StoreError, "4"), managed(path, clock, model=model):
-        pass
+    for change, seq in (
+        ("update events set token = cast(token as blob) where seq = 3", 3),
+        ("update events set provider = 'ann', rating = 1.0 where seq = 1", 1),
+        ("update events set rating = 0.5 where seq = 4", 4),
+    ):
+        altered = tmp_path / f"altered-{seq}"
+        shutil.copy(path, altered)
+        altered.with_name(f"{altered.name}.snapshot").write_bytes(kept)
+        with closing(sqlite3.connect(altered)) as connection:
+            connection.execute(change)
+            connection.commit()
+        with refuses(StoreError, seq), managed(altered, clock, model=model):
+            pass
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    with managed(path, clock, model=model) as manager:
+        assert manager.checkpoint() == found[2]
 
 
 def test_a_key_is_replaced_by_the_old_one_and_the_recovery_key(tmp_path: Path):
