@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 from roletrust_env.benchmarking import Leaderboard, benchmark
 from roletrust_env.benchmarking.leaderboard import CASES_HEADER, HEADER
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from roletrust_experiments.report.figures import leaderboard_figure
-from studies.study import DOCS, Recipe, Study, plus_minus
+from studies.study import DOCS, Recipe, Study
 
 
 class Options(NamedTuple):
@@ -26,29 +25,11 @@ STANDARD = "leaderboards/standard/leaderboard"
 """Picture and table of the suite `standard`."""
 
 _TABLES = (f"{STANDARD}.csv", f"{STANDARD}.md", "leaderboards/standard/worst_cases.csv")
-_CHANGED = "leaderboards/standard/changed.md"
-
-EARLIER = {
-    "first-hand": 0.640,
-    "habit": 0.614,
-    "blade": 0.596,
-    "own-experience": 0.545,
-    "travos": 0.515,
-    "fire": 0.454,
-    "leave-one-out": 0.192,
-    "iterative-filtering": 0.081,
-    "eigentrust": -0.004,
-    "role-trust": -0.175,
-    "median": -0.210,
-    "beta": -0.226,
-    "mean": -0.277,
-}
-"""Skill score in the worst case on the leaderboard 1.2, see `docs/leaderboards/earlier.md`."""
 
 PICTURES = (STANDARD, "real")
 """Such pictures."""
 
-_FILES = (*(f"{name}.png" for name in PICTURES), *_TABLES, _CHANGED)
+_FILES = (*(f"{name}.png" for name in PICTURES), *_TABLES)
 RECIPES = {"summaries": Recipe(Options(), {name: name for name in _FILES})}
 
 
@@ -61,28 +42,6 @@ def main(study: Study[Options]) -> None:
     study.text(text, f"{board.to_markdown()}\n\n{board.convergence}\n\n{board.legend}")
     study.csv(table, HEADER, board.lines())
     study.csv(cases, CASES_HEADER, board.case_lines())
-    study.text(_CHANGED, changed(board))
-
-
-def changed(board: Leaderboard) -> str:
-    """Return the ranks and the skill scores on the leaderboard 1.2 and on this one, of the models
-    that are on both.
-    """
-    common = {row.model: row for row in board.rows if row.rule == "common"}
-    here = sorted(set(EARLIER) & set(common), key=lambda model: common[model].rank)
-    before = sorted(here, key=lambda model: -EARLIER[model])
-    rows = [
-        [
-            f"`{model}`",
-            f"{before.index(model) + 1}",
-            f"{EARLIER[model]:.3f}",
-            f"{rank}",
-            plus_minus(common[model].estimates["worst"]),
-        ]
-        for rank, model in enumerate(here, 1)
-    ]
-    names = ["model", "rank in 1.2", "worst case in 1.2", "rank in 2.0", "worst case in 2.0"]
-    return markdown_table(names, rows, 1)
 
 
 def figures(board: Leaderboard) -> dict[str, Figure]:

@@ -10,7 +10,7 @@ from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.suite_files import load_suite
 from studies.study import DOCS
-from studies.summaries import EARLIER, PICTURES, STANDARD, changed, figures
+from studies.summaries import PICTURES, STANDARD, figures
 
 
 @pytest.fixture(scope="module")
@@ -40,17 +40,3 @@ def test_each_picture_shows_the_models_of_its_page(board: Leaderboard) -> None:
         assert wide > 1.4 * high, (
             f"{name}: the title, the picture and three sentences fit a screen of 1440 x 900"
         )
-
-
-def test_models_of_both_leaderboards_are_ranked_among_themselves(board: Leaderboard) -> None:
-    lines = changed(board).splitlines()[2:]
-    rows = [[part.strip() for part in line.strip("|").split("|")] for line in lines]
-    names = [row[0].strip("`") for row in rows]
-    common = {row.model: row for row in board.rows if row.rule == "common"}
-    assert set(names) == set(EARLIER) & set(common)
-    worst = [common[name].estimates["worst"].mean for name in names if not common[name].missing]
-    assert worst == sorted(worst, reverse=True)
-    assert sorted(int(row[1]) for row in rows) == list(range(1, len(rows) + 1))
-    assert [int(row[3]) for row in rows] == list(range(1, len(rows) + 1))
-    for name, row in zip(names, rows, strict=True):
-        assert float(row[2]) == pytest.approx(EARLIER[name], abs=6e-4)

@@ -62,7 +62,6 @@ class Members:
     Attributes:
         begun: Number of agents that have ever been there; who comes back is another one.
         keys: Key of each name that was ever registered.
-        keyring: The same, as a `Keyring`.
         recovery: Recovery key of each name that has one.
         by_name: Registered agents.
         latest: Last request of each agent.
@@ -76,10 +75,9 @@ class Members:
         self.by_name: dict[str, Member] = {}
         self.latest: dict[str, LastRequest] = {}
         self._begun: Counter[str] = Counter()  # how often each agent has registered
-        self.keyring = KnownKeys(self.keys)
         self.recovery: dict[str, Ed25519PublicKey] = {}
         limits = StampLimits(round(settings.tolerance * 1e9), 1)
-        self.admission = Admission(limits, self.keyring)
+        self.admission = Admission(limits, KnownKeys(self.keys))
         self.limit = NewcomerLimit(settings.newcomers, round(settings.every * 1e9))
 
     def next_identity(self, name: str) -> str:

@@ -10,7 +10,6 @@ has two histories. A refused proof alone proves nothing: anybody can send a wron
 """
 
 from collections.abc import Sequence
-from itertools import zip_longest
 
 from roletrust_manager.journal.checkpoint import Checkpoint
 from roletrust_manager.journal.merkle import (
@@ -95,11 +94,3 @@ def check_consistent(older: Checkpoint, newer: Checkpoint, proof: Sequence[bytes
             f"the proof does not show that the {newer.size} events with root {newer.root.hex()} "
             f"begin with the {older.size} events with root {older.root.hex()}"
         )
-
-
-def differing(export: Sequence[bytes], other: Sequence[bytes]) -> int | None:
-    """Return the first index at which two exports differ, or at which the shorter one has ended;
-    None if they are equal.
-    """
-    pairs = enumerate(zip_longest(export, other))
-    return next((index for index, (leaf, other_leaf) in pairs if leaf != other_leaf), None)

@@ -11,7 +11,6 @@ from roletrust_manager.journal.verify import (
     check_consistent,
     check_export,
     check_receipt,
-    differing,
     event_leaf,
 )
 
@@ -50,11 +49,10 @@ def test_an_honest_history_is_accepted():
         )
         for index in range(size):
             check_receipt(LEAVES[index], index, TREE.inclusion(index, size), checkpoint(TREE, size))
-    assert differing(LEAVES, list(LEAVES)) is None
 
 
-@pytest.mark.parametrize(("forged", "first"), [(OMITTED, RATING), (ALTERED, RATING)])
-def test_an_agent_proves_that_its_rating_is_omitted_or_altered(forged, first):
+@pytest.mark.parametrize("forged", [OMITTED, ALTERED])
+def test_an_agent_proves_that_its_rating_is_omitted_or_altered(forged):
     export, forged_tree = forged
     known = checkpoint(TREE, 9)
     receipt = TREE.inclusion(RATING, 9)
@@ -67,14 +65,12 @@ def test_an_agent_proves_that_its_rating_is_omitted_or_altered(forged, first):
     proof = forged_tree.consistency(9, later.size)
     with refuses(HistoryError, later.size, later.root.hex(), 9, known.root.hex()):
         check_consistent(known, later, proof)
-    assert differing(LEAVES, export) == first
 
 
 def test_an_export_without_the_last_events_is_too_short():
     check_export(LEAVES[:9], checkpoint(TREE, 9))
     with refuses(HistoryError, 11, 9):
         check_export(LEAVES[:9], checkpoint(TREE))
-    assert differing(LEAVES[:9], LEAVES) == differing(LEAVES, LEAVES[:9]) == 9
 
 
 def test_a_receipt_of_another_event_or_position_is_refused():
@@ -118,9 +114,3 @@ def test_checkpoints_that_cannot_be_compared_are_no_evidence():
     with refuses(ValueError, "roletrust/trust", "roletrust/other") as error:
         check_consistent(checkpoint(TREE), other, [])
     assert error.type is ValueError
-
-
-def test_the_first_difference_has_an_index():
-    assert differing([], []) is None
-    assert differing([b"a"], []) == differing([], [b"a"]) == 0
-    assert differing([b"a", b"b", b"c"], [b"a", b"x", b"y"]) == 1
