@@ -90,7 +90,10 @@ def main(arguments: list[str] | None = None) -> list[str]:
     )
     parser.add_argument("--tasks", type=int, default=8, help="Number of tasks.")
     parser.add_argument(
-        "--pause", type=float, default=1.5, help="Time between tasks, seconds: a round and a bit."
+        "--pause",
+        type=float,
+        default=3.0,
+        help="Time between tasks, seconds: two rounds and a bit.",
     )
     parser.add_argument("--work", metavar="NAME", choices=sorted(WORKERS), help="Be this worker.")
     given = parser.parse_args(arguments)

@@ -167,7 +167,12 @@ def _manage(
         ):
             app = make_app(manager)
             url = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
-            tell(f"{manager.name} answers with {model} at {url}; Ctrl-C ends it", where=errors)
+            about = manager.about()
+            kept = f"{about['agents']:,} agents and {about['ratings']:,} ratings"
+            tell(
+                f"{manager.name} answers with {model} at {url}, with {kept}; Ctrl-C ends it",
+                where=errors,
+            )
             sys.setswitchinterval(_SWITCH_S)
             gc.freeze()  # else each full collection looks at all modules, and all requests wait
             config = uvicorn.Config(

@@ -95,7 +95,8 @@ class RequestChecks(NamedTuple):
             raise RefusedError(RefusalReason.GARBAGE, str(error), at) from None
         claims, name = signed.claims, name or request.name
         if claims.aud != self.name:
-            raise refusal(RefusalReason.ELSEWHERE, claims, at, f"this is {self.name}")
+            hint = f"this is {self.name}, where agents register first"
+            raise refusal(RefusalReason.ELSEWHERE, claims, at, hint)
         if name not in (None, claims.iss):
             raise refusal(RefusalReason.ELSEWHERE, claims, at, f"the request is of {name}")
         return signed
@@ -171,6 +172,11 @@ class RequestChecks(NamedTuple):
         claims, known = signed.claims, self.members.keys.get(signed.claims.iss)
         if known is not None and claims.key != key_as_text(known):
             raise refusal(RefusalReason.TAKEN, claims, 0, "choose another one")
+        recovery = self.members.recovery.get(claims.iss)
+        own = None if recovery is None else key_as_text(recovery)
+        if known is not None and claims.recovery not in (None, own):
+            hint = "its first registration had another recovery key, or none"
+            raise refusal(RefusalReason.TAKEN, claims, 0, hint)
         if claims.iss not in self.members.by_name:
             if not has_work(claims, self.settings.work):
                 hint = f"it costs {self.settings.work} bits here"

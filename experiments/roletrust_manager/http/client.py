@@ -284,14 +284,18 @@ class TrustClient:
         """
         return self._answer(Refusals, "GET", "/refusals")
 
-    def export(self, path: Path) -> None:
+    def export(self, path: Path, *, counted: bool = False) -> None:
         """Write all ratings with their tokens to a CSV file, which `roletrust rate` reads.
+
+        Args:
+            path: Path of the file.
+            counted: Whether to leave out those of the running round, which make no trust yet.
 
         Raises:
             UnreachableError: There is no answer, or it breaks off. Then the file is as before.
             OSError: The file cannot be written.
         """
-        following: str | None = "/ratings"
+        following: str | None = f"/ratings?counted={str(counted).lower()}"
         try:
             with replacing(path) as unfinished, unfinished.open("wb") as file:
                 while following is not None:

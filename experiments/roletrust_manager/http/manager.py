@@ -486,8 +486,10 @@ class TrustManager:
         Raises:
             ValueError: There are fewer events.
         """
-        if size > self._seq:
-            raise ValueError(f"size must be at most {self._seq}, got {size}")
+        if not 1 <= seq <= size <= self._seq:
+            raise ValueError(
+                f"seq and size must be in [1, {self._seq}], seq at most size; got {seq} and {size}"
+            )
         return self._tree.inclusion(seq - 1, size)
 
     def consistency(self, old: int, new: int) -> list[bytes]:

@@ -407,7 +407,7 @@ class JournalStore:
             self._connection = None
 
     def _in_use(self) -> StoreError:
-        return StoreError(f"{self._shown} is in use by another manager")
+        return StoreError(f"{self._shown} is in use by a manager; a backup of it can be checked")
 
     def _failed(self, what: str, error: SQLAlchemyError) -> StoreError:
         reason = str(getattr(error, "orig", None) or error).strip().partition("\n")[0]

@@ -234,6 +234,9 @@ def test_a_key_is_replaced_by_the_old_one_and_the_recovery_key(tmp_path: Path):
         ann.recovery = key_as_text(owner.key.public_key())
         for agent in (ann, bob):
             manager.register(agent.registration())
+        own, bob.recovery = bob.recovery, ann.recovery
+        refused(manager, RefusalReason.TAKEN, "register", bob.registration())
+        bob.recovery = own
         first = ann.rating("bob", 0.25)
         manager.rate([first])
         for wrong in (ann.rotation(seed=1), ann.rotation(seed=1, recovery=bob.key)):
