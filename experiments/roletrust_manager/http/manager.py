@@ -127,9 +127,9 @@ class TrustManager:
             members.load(snapshot.members)
         kept = seq
         for event in store.history(seq, last):
-            if not members.fits(event):
+            if (claims := members.fits(event)) is None:
                 raise self._damaged(event)
-            members.follow(event)
+            members.follow(event, claims)
             tree.append(event_leaf(event.seq, event.time, event.token))
             seq, last = event.seq, event.time
             if event.kind == "rating":
@@ -153,9 +153,9 @@ class TrustManager:
             event.seq, f"{event.sender!r} cannot have sent this {event.kind}"
         )
 
-    def _note(self, event: Event) -> None:
-        """Take an event into account that is in the store."""
-        self._members.follow(event)
+    def _note(self, event: Event, claims: dict[str, Any]) -> None:
+        """Take an event into account that is in the store, with its claims."""
+        self._members.follow(event, claims)
         self._seq, self._time = event.seq, max(event.time, self._time)
         if event.kind == "rating":
             self._trust.expect(event.time / MICROSECONDS)
@@ -239,8 +239,11 @@ class TrustManager:
         try:
             if self._in_doubt:
                 raise StoreError("the store is in doubt")
-            if unfit := [event for event in new if not self._members.fits(event)]:
-                raise self._damaged(unfit[0])  # rather than a store that cannot be read again
+            said = list[dict[str, Any]]()
+            for event in new:
+                if (claims := self._members.fits(event)) is None:
+                    raise self._damaged(event)  # rather than a store that cannot be read again
+                said.append(claims)
             self._in_doubt = True
             for event in new:
                 self._tree.append(event_leaf(event.seq, event.time, event.token))
@@ -250,8 +253,8 @@ class TrustManager:
                 if isinstance(answer, list) and answer[-1].seq > self._seq:
                     answers[at] = error
             return
-        for event in new:
-            self._note(event)
+        for event, claims in zip(new, said, strict=True):
+            self._note(event, claims)
         self._in_doubt = False
 
     def _now(self) -> int:

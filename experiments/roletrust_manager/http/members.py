@@ -85,8 +85,10 @@ class Members:
         number = self._begun[name] + 1
         return name if number == 1 else f"{name}{_AGAIN}{number}"
 
-    def fits(self, event: Event) -> bool:
-        """Return whether its agent can have sent an event now, and its token says the same."""
+    def fits(self, event: Event) -> dict[str, Any] | None:
+        """Return the claims of an event; None if its agent cannot have sent it now, or its token
+        says something else.
+        """
         name, claims = name_of(event.sender), _claims(event.token)
         member, audience = self.by_name.get(name), claims.get("aud")
         said = (
@@ -96,50 +98,52 @@ class Members:
             _stamp(claims.get("iat")),
         )
         if said != (event.kind, name, self._manager, event.stamp):
-            return False
+            return None
         if not self.admission.is_new(_envelope(event, claims)):
-            return False
+            return None
         if event.kind != "rating" and (event.provider, event.rating) != (None, None):
-            return False
+            return None
         if event.kind == "register":
             key = _read(event, Registration)
             known = key is not None and self.keys.get(name, key[1]) == key[1]
-            return member is None and known and event.sender == self.next_identity(name)
+            joins = member is None and known and event.sender == self.next_identity(name)
+            return claims if joins else None
         if member is None or member.identity != event.sender:
-            return False
-        if event.kind == "rotate":
-            return _read(event, Rotation) is not None
-        if event.kind == "leave":
-            return True
+            return None
+        if event.kind != "rating":
+            return claims if event.kind == "leave" or _read(event, Rotation) else None
         provider, rating = claims.get("sub"), claims.get("rating")
         rated = self.by_name.get(provider) if isinstance(provider, str) else None
         if rated is None or rated == member or rated.identity != event.provider:
-            return False
-        return isinstance(rating, int | float) and float(rating) == event.rating
+            return None
+        is_said = isinstance(rating, int | float) and float(rating) == event.rating
+        return claims if is_said else None
 
-    def follow(self, event: Event) -> None:
-        """Take an event into account, which fits."""
+    def follow(self, event: Event, claims: dict[str, Any]) -> None:
+        """Take an event into account, which fits, with its claims."""
         name = name_of(event.sender)
-        self.admission.remember(_envelope(event, _claims(event.token)))
+        self.admission.remember(_envelope(event, claims))
         before = self.latest.get(name)
         if before is None or before.time != event.time:
             before = LastRequest(event.seq, 0, event.time, "")
         digest = digest_of([event.token], before.digest)
         self.latest[name] = before._replace(size=before.size + 1, digest=digest)
+        if event.kind == "rating":
+            return
         if event.kind == "leave":
             del self.by_name[name]
         elif (found := _read(event, Rotation)) is not None:
             self.by_name[name] = self.by_name[name]._replace(key=found[0].key)
             self.keys[name] = found[1]
         elif (joined := _read(event, Registration)) is not None:
-            claims, key = joined
-            if name not in self.keys and claims.recovery is not None:
-                self.recovery[name] = key_of_text(claims.recovery)
+            registration, key = joined
+            if name not in self.keys and registration.recovery is not None:
+                self.recovery[name] = key_of_text(registration.recovery)
             self.keys[name] = key
             self._begun[name] += 1
             self.begun += 1
             receipt = Receipt(event.seq, event.time / MICROSECONDS)
-            self.by_name[name] = Member(name, event.sender, claims.key, receipt)
+            self.by_name[name] = Member(name, event.sender, registration.key, receipt)
             self.limit.admits(event.time * 1000)
 
     def save(self) -> StoredMembers:

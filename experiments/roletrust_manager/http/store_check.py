@@ -75,9 +75,9 @@ def check_store(
     for event in store.history():
         name = name_of(event.sender)
         key = members.keys.get(name)
-        if not members.fits(event):
+        if (said := members.fits(event)) is None:
             raise store.damaged(event.seq, f"{name!r} cannot have sent this {event.kind}")
-        members.follow(event)
+        members.follow(event, said)
         key = key or members.keys[name]  # of a registration
         claims, envelope = read_token(event.token, _KINDS[event.kind])
         if keys.get(name) == members.keys[name]:
