@@ -36,7 +36,7 @@ def manager() -> None:
 
 
 def backup(
-    journal: Journal, out: Annotated[Path, typer.Argument(metavar="FILE", help="New file.")]
+    journal: Journal, file: Annotated[Path, typer.Argument(metavar="FILE", help="New file.")]
 ) -> None:
     """Copy the [bold]journal of a manager[/], also while it runs.
 
@@ -50,8 +50,8 @@ def backup(
     """
     from roletrust_manager.journal.backup import back_up
 
-    back_up(journal, out)
-    tell(f"Copied {journal} to {out}")
+    back_up(journal, file)
+    tell(f"Copied {journal} to {file}")
 
 
 def check(
