@@ -1,5 +1,5 @@
-"""The trust manager of agents that report ratings: who may rate, what is acknowledged, and whom to
-trust.
+"""The trust manager of agents that report ratings: who may rate, what is acknowledged, and how far
+each agent can be trusted.
 """
 
 import logging
@@ -12,6 +12,7 @@ from hashlib import sha256
 from importlib.metadata import version
 from inspect import getfile
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
 from sqlalchemy import select
@@ -21,10 +22,7 @@ from roletrust_env.logs.evidence import Role
 from roletrust_env.logs.explain import Explanation
 from roletrust_env.parameters import truth_value
 from roletrust_env.trust.model import TrustModel, registry
-from roletrust_manager.admission.validation import (
-    Admission,
-    RefusalReason,
-)
+from roletrust_manager.admission.validation import Admission, RefusalReason
 from roletrust_manager.http.checks import RequestChecks
 from roletrust_manager.http.journal_trust import JournalTrust, RoundEnd, Standing
 from roletrust_manager.http.members import Members, name_of
@@ -57,11 +55,11 @@ _KEPT_EVERY, _FEW = 50_000, 10_000  # events; a replay of a few takes no time
 
 
 class TrustManager:
-    """Takes signed ratings, keeps them, and says whom to trust.
+    """Takes signed ratings, keeps them, and computes trust.
 
     What it has acknowledged is in the store. All else follows from the store by a replay at the
-    start, so that another model, scale or length of a round is another start; a snapshot beside the
-    store makes it short. Requests are taken by one thread. Any thread may use what only reads:
+    start, so that another model, scale or length of a round is another start; a snapshot next to
+    the store makes it short. Requests are taken by one thread. Any thread may use what only reads:
     `check`, `about`, `member`, `members`, `standings`, `explain`, `export`, and proofs.
 
     Args:
@@ -106,12 +104,10 @@ class TrustManager:
         self._time = 0
         self._trust: JournalTrust
         self._replay()
-        self.advance()
-        self._sent = self._count_sent(self._trust)
 
     def _replay(self) -> None:
-        """Begin with what the store has; it is opened once all that can be checked without it has
-        been. Nothing changes if that fails.
+        """Begin with what the store has, and end the round whose time is over. The store is opened
+        once all that can be checked without it has been. Nothing changes if it cannot be read.
         """
         settings, store = self.settings, self._store
         every, scale, same_agents = settings[:3]
@@ -141,6 +137,8 @@ class TrustManager:
         self._trust, self._members, self._tree = trust, members, tree
         self._seq, self._time, self._ratings = seq, max(last, self._time), ratings
         self._kept, self._digests = kept, digests
+        self.advance()
+        self._sent = self._count_sent(trust)
 
     def _count_sent(self, trust: JournalTrust) -> Counter[str]:
         """Return the number of ratings of each agent that do not count yet."""
@@ -167,19 +165,25 @@ class TrustManager:
         """Settings on which a snapshot depends."""
         every, scale, same_agents = self.settings[:3]
         about = {"model": repr(self._made), "every": every, "scale": list(scale)}
-        code = sha256(Path(getfile(type(self._made))).read_bytes()).hexdigest()
+        try:
+            code = sha256(Path(getfile(type(self._made))).read_bytes()).hexdigest()
+        except (OSError, TypeError):  # a class without a file, whose snapshots never fit
+            code = token_hex()
         return {**about, "same_agents": same_agents, "version": _VERSION, "code": code}
 
     def _keep(self) -> None:
-        """Write a snapshot, if the store is a file; without it a restart takes longer."""
+        """Write a snapshot, if the store is a file and the disk has room; without it a restart
+        takes longer.
+        """
         if self._store.path is None:
             return
         at, members = (self._seq, self._time, self._ratings), self._members.save()
         known = self._digests[: self._kept // BLOCK]
-        self._digests = self._store.digests(self._seq, known)
-        snapshot = Snapshot(*at, members, self._tree, self._trust.save(), self._digests)
-        write_snapshot(self._store, self._about, snapshot)
-        self._kept = self._seq
+        with suppress(OSError):
+            self._digests = self._store.digests(self._seq, known)
+            self._kept = self._seq
+            snapshot = Snapshot(*at, members, self._tree, self._trust.save(), self._digests)
+            write_snapshot(self._store.path, self._about, snapshot)
 
     # --- requests
     # -----------------------------------------------------------------------------------
@@ -209,8 +213,6 @@ class TrustManager:
                 self._tree.truncate(self._seq)
                 if self._store.last() != self._seq:
                     self._replay()
-                    self.advance()
-                    self._sent = self._count_sent(self._trust)
             self._in_doubt = False
             self.advance()
         except StoreError as error:
@@ -293,8 +295,7 @@ class TrustManager:
         )
         end = end._replace(provider=provider, rater=rater)
         if self._seq - self._kept >= _KEPT_EVERY and not self._new:
-            with suppress(OSError):
-                self._keep()
+            self._keep()
         self.tell(end)
         return end
 
@@ -508,8 +509,7 @@ class TrustManager:
     def close(self) -> None:
         """Release the store, after a snapshot."""
         if self._seq - self._kept >= _FEW and not self._in_doubt and not self._failure:
-            with suppress(OSError):
-                self._keep()
+            self._keep()
         self._store.close()
 
 

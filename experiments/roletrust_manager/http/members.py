@@ -197,7 +197,7 @@ def digest_of(tokens: Sequence[str], digest: str = "") -> str:
 
 
 def _claims(token: str) -> dict[str, Any]:
-    """Return the claims of a token that was read before; none if it is no token."""
+    """Return the claims of a token that was read before; empty if it is not a token."""
     try:
         payload = token.split(".")[1]
         found = json.loads(urlsafe_b64decode(payload + "=" * (-len(payload) % 4)))

@@ -1,11 +1,9 @@
 """Snapshots of a trust manager, so that a start does not replay the whole journal.
 
-A snapshot is a file of arrays beside a store of SQLite, see `roletrust_env.storage.arrays`. It is
+A snapshot is a file of arrays next to a store of SQLite, see `roletrust_env.storage.arrays`. It is
 never more than a shortcut: one that is damaged, of other settings or of other events is ignored.
 """
 
-import json
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -17,6 +15,7 @@ from roletrust_env.storage.untrusted import UntrustedModel
 from roletrust_env.trust.stored import taken
 from roletrust_manager.http.journal_trust import StoredTrust
 from roletrust_manager.http.members import StoredMembers
+from roletrust_manager.journal.lines import snapshot_path
 from roletrust_manager.journal.merkle import MerkleTree
 from roletrust_manager.journal.sql import JournalStore
 
@@ -54,12 +53,14 @@ class _Header(UntrustedModel):
     trust: tuple[NonNegativeInt, NonNegativeInt, NonNegativeInt, int | None, int | None]
 
 
-def write_snapshot(store: JournalStore, about: dict[str, Any], snapshot: Snapshot) -> None:
-    """Write a snapshot beside a store, if that is a file and the disk has room."""
-    if store.path is None:
-        return
+def write_snapshot(store: Path, about: dict[str, Any], snapshot: Snapshot) -> None:
+    """Write a snapshot next to the file of a store.
+
+    Raises:
+        OSError: It cannot be written.
+    """
     header = _Header(
-        about=json.loads(json.dumps(about)),
+        about=about,
         digests=snapshot.digests,
         seq=snapshot.seq,
         time=snapshot.time,
@@ -72,8 +73,7 @@ def write_snapshot(store: JournalStore, about: dict[str, Any], snapshot: Snapsho
         "tree": np.frombuffer(snapshot.tree.hashes, np.uint8),
         "stream": np.frombuffer(snapshot.trust.stream, np.uint8),
     }
-    with suppress(OSError):
-        save_arrays(_path(store.path), arrays)
+    save_arrays(snapshot_path(store), arrays)
 
 
 def read_snapshot(store: JournalStore, about: dict[str, Any]) -> Snapshot | None:
@@ -82,10 +82,10 @@ def read_snapshot(store: JournalStore, about: dict[str, Any]) -> Snapshot | None
     Raises:
         StoreError: The store cannot be read.
     """
-    if store.path is None or not _path(store.path).exists():
+    if store.path is None:
         return None
     try:
-        arrays = load_arrays(_path(store.path))
+        arrays = load_arrays(snapshot_path(store.path))
         header = _Header.model_validate_json(taken(arrays, "header", np.uint8, (None,)).tobytes())
         hashes, stream = (
             taken(arrays, name, np.uint8, (None,)).tobytes() for name in ("tree", "stream")
@@ -93,12 +93,8 @@ def read_snapshot(store: JournalStore, about: dict[str, Any]) -> Snapshot | None
         tree = MerkleTree.restored(hashes, header.seq)
     except (ValueError, OSError):
         return None
-    if header.about != json.loads(json.dumps(about)) or header.digests != store.digests(header.seq):
+    if header.about != about or header.digests != store.digests(header.seq):
         return None
     trust = StoredTrust(*header.trust, stream)
     at = (header.seq, header.time, header.ratings)
     return Snapshot(*at, header.members, tree, trust, header.digests)
-
-
-def _path(store: Path) -> Path:
-    return store.with_name(f"{store.name}.snapshot")

@@ -221,6 +221,9 @@ def test_a_start_with_a_snapshot_is_as_one_without(
             connection.commit()
         with refuses(StoreError, seq), managed(altered, clock, model=model):
             pass
+    monkeypatch.setattr(managers, "getfile", lambda _: str(tmp_path / "nowhere"))
+    with managed(path, clock, model=model) as manager:  # as of a class of a notebook
+        assert manager.checkpoint() == found[2]
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
     with managed(path, clock, model=model) as manager:
         assert manager.checkpoint() == found[2]
