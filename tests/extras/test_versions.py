@@ -22,11 +22,13 @@ TORCH = re.search(r"^torch==.*$", PINNED.read_text(encoding="utf-8"), re.MULTILI
 EVERYTHING = "all,jax"
 IMPORTED = """
 import importlib, pkgutil
-for package in ("roletrust_env", "roletrust_agents", "roletrust_baselines", "roletrust_experiments"):
-    for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
-        if not module.name.endswith(("cluster", "__main__")) and "roletrust_nodes" not in module.name:  # Ray, ROS 2
+other = "cluster", "__main__", "roletrust_env.live", "roletrust_env.service"  # Ray, and what moved
+for package in ("env", "agents", "baselines", "experiments", "manager"):
+    package = importlib.import_module(f"roletrust_{package}")
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        if not module.name.endswith(other) and "roletrust_nodes" not in module.name:  # ROS 2
             importlib.import_module(module.name)
-"""  # noqa: E501
+"""
 LOG = "from roletrust_env.logs import write_log; write_log('log.csv.gz')"
 MEMBERS = "--same-agents", "--scale", -10, 10
 PLAYED = """
