@@ -1,7 +1,7 @@
 """Options that several commands share, each with one spelling and one help text."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from roletrust_env.errors import suggest
+from roletrust_env.evaluation.specs import parse_settings
 
 NAMED = "NAME[:key=value,...]"
 OWN = "NAME may be your own class, package.module:Class, whose module is then imported."
@@ -58,6 +59,32 @@ def with_options(group: type) -> Callable[[Callable[..., None]], Callable[..., N
         return called
 
     return decorate
+
+
+def keyword_option(flag: str, keywords: Mapping[str, str]) -> Any:
+    """Return a repeatable option `KEY=VALUE`; its help says what each keyword is.
+
+    Args:
+        flag: The option, such as `--set`.
+        keywords: What each keyword is, in a few words, by its name.
+    """
+    listed = "; ".join(f"{name}: {meaning}" for name, meaning in keywords.items())
+    return typer.Option(flag, metavar="KEY=VALUE", help=f"Repeat for more. {listed}.")
+
+
+def parse_keywords(
+    texts: Sequence[str] | None, flag: str, keywords: Iterable[str]
+) -> dict[str, Any]:
+    """Return the values of a `keyword_option` by their keywords.
+
+    Raises:
+        ValueError: A text has another form, or a keyword is unknown or occurs twice.
+    """
+    given = parse_settings(texts or (), flag)
+    for name in given:
+        if name not in keywords:
+            raise ValueError(f"{flag} has no {name!r}{suggest(name, keywords)}")
+    return given
 
 
 def given_options(context: typer.Context) -> list[str]:
