@@ -1,8 +1,15 @@
-"""Registry of named objects (trust models, scenarios, attackers) that other packages can add to."""
+"""Registry of named objects (trust models, scenarios, attackers), and the texts that name them.
+
+Other packages can add to it. A text is `NAME:key=value,...` or `package.module:Class:key=value,...`.
+"""
 
 import inspect
+import os
+import re
+import sys
+import tomllib
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -15,6 +22,10 @@ from roletrust_env.errors import short, suggest, validation_message
 from roletrust_env.parameters import UnknownParameterError, unknown_parameter
 
 T = TypeVar("T")
+
+# A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline
+# tables need.
+_COMMA = re.compile(r""",(?=(?:[^\[\]{}"']|\[[^\]]*\]|\{[^}]*\}|"[^"]*"|'[^']*')*$)""")
 
 
 class Registry(Generic[T]):
@@ -275,8 +286,10 @@ def _import_plugins() -> None:
 
 
 def summary(factory: Any) -> str:
-    """Return the first line of the docstring of a factory; empty without a docstring."""
-    return (inspect.getdoc(factory) or "").partition("\n")[0]
+    """Return the first paragraph of the docstring of a factory as one line; empty without a
+    docstring.
+    """
+    return " ".join((inspect.getdoc(factory) or "").partition("\n\n")[0].split())
 
 
 def _describe_failure(plugin: EntryPoint, error: BaseException) -> str:
@@ -315,3 +328,123 @@ def _unmet_requirement(candidate: Any, base: type[Any]) -> str:
     ]
     fits = all(callable(getattr(cls, name, None)) for name in methods)
     return "" if fits else f"with the method{'s' * (len(methods) > 1)} {', '.join(methods)}"
+
+
+def parse_value(text: str) -> Any:
+    """Return a value as TOML has it (`3`, `0.5`, `true`, `[0, 1]`, `{kind = "choice"}`), or else
+    the text itself.
+
+    Example:
+        >>> parse_value("0.5"), parse_value("[0, 1]"), parse_value("random")
+        (0.5, (0, 1), 'random')
+    """
+    try:
+        data = tomllib.loads(f"value = {text}")
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return text
+    return _frozen(data["value"]) if len(data) == 1 else text
+
+
+def parse_settings(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:
+    """Return the fields of texts of the form `field=value`.
+
+    Args:
+        settings: Texts.
+        option: Name of their option in error messages.
+
+    Raises:
+        ValueError: A text has another form, or a field occurs twice.
+    """
+    parsed: dict[str, Any] = {}
+    for setting in settings:
+        field, equals, value = setting.partition("=")
+        field = field.strip()
+        if not equals or not field:
+            raise ValueError(f"{option} has {setting!r}; it must be of the form field=value")
+        if field in parsed:
+            raise ValueError(f"{option} sets {field!r} twice")
+        parsed[field] = parse_value(value.strip())
+    return parsed
+
+
+def parse_parameters(text: str) -> tuple[str, dict[str, Any]]:
+    """Return the name and the parameters of `NAME[:key=value,...]`.
+
+    Raises:
+        ValueError: A parameter is not of the form key=value, or is given twice.
+
+    Example:
+        >>> parse_parameters("on-off:start=10,targets=[0, 1]")
+        ('on-off', {'start': 10, 'targets': (0, 1)})
+    """
+    name, _, rest = text.strip().partition(":")
+    return name, _parameters(rest, text)
+
+
+def parse_entry(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
+    """Return the registry, the name there and the parameters of an entry that a text names.
+
+    Args:
+        registry: Registry of the name.
+        text: Text `NAME[:key=value,...]` or `package.module:Class[:key=value,...]`; the module may
+            lie in the current folder.
+
+    Raises:
+        ValueError: The name is unknown, or it names something of another kind.
+    """
+    name, _, rest = text.strip().partition(":")
+    owner, _, after = rest.partition(":")
+    if name not in registry:
+        if not name or not owner.strip().isidentifier():
+            explain_unknown(registry, name)
+        if os.getcwd() not in sys.path:
+            sys.path.append(os.getcwd())
+        registry, name, rest = registry.for_class(name, owner.strip()), owner.strip(), after
+    return registry, name, _parameters(rest, text)
+
+
+def make_entry(registry: Registry[T], name: str, parameters: Mapping[str, Any], text: str) -> T:
+    """Return the object that `parse_entry` found by a text. See `Registry.make`.
+
+    Raises:
+        ValueError: It cannot be made. The message has the text.
+    """
+    try:
+        return registry.make(name, **parameters)
+    except (
+        TypeError
+    ) as error:  # a value of the wrong type, which the maker compared or computed with
+        raise ValueError(f"{text!r}: a value is of the wrong type ({error})") from None
+    except (
+        LookupError,
+        ArithmeticError,
+        AttributeError,
+        RuntimeError,
+    ) as error:  # of a class that others wrote
+        raise ValueError(f"{text!r} cannot be made: {type(error).__name__}: {error}") from error
+
+
+def explain_unknown(registry: Registry[Any], name: str) -> None:
+    """Refuse an unknown name, and say how a class of another package is named.
+
+    Raises:
+        ValueError: The name is unknown.
+    """
+    try:
+        registry.factory(name)
+    except ValueError as error:
+        raise ValueError(
+            f"{error}. Your own is package.module:Class, or a name that an installed package "
+            f"declares as an entry point in the group {registry.group!r}"
+        ) from None
+
+
+def _parameters(rest: str, text: str) -> dict[str, Any]:
+    return parse_settings([part for part in _COMMA.split(rest) if part.strip()], option=repr(text))
+
+
+def _frozen(value: Any) -> Any:
+    """Return lists as tuples, so that a policy that holds them can be hashed."""
+    if isinstance(value, list):
+        return tuple(_frozen(item) for item in value)
+    return {key: _frozen(item) for key, item in value.items()} if isinstance(value, dict) else value

@@ -2,10 +2,6 @@
 
 import inspect
 import json
-import os
-import re
-import sys
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from functools import partial
@@ -16,7 +12,10 @@ from roletrust_env.evaluation.scripts import AttackKind, declared_facts
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.parameters import unknown_parameter
-from roletrust_env.registry import Registry, T
+from roletrust_env.registry import Registry, T, explain_unknown, make_entry, parse_entry
+from roletrust_env.registry import parse_parameters as parse_parameters
+from roletrust_env.registry import parse_settings as parse_settings
+from roletrust_env.registry import parse_value as parse_value
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import is_own
@@ -25,30 +24,11 @@ from roletrust_env.trust.outside import OutsideFactory
 from roletrust_env.world import Scenario
 from roletrust_env.world.roster import Roster
 
-# A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline
-# tables need.
-_COMMA = re.compile(r""",(?=(?:[^\[\]{}"']|\[[^\]]*\]|\{[^}]*\}|"[^"]*"|'[^']*')*$)""")
-
 # The parameters of an attack that are places on the provider or the rater axis, and may be named.
 _PROVIDERS, _RATERS = ("targets", "accomplices"), ("raters",)
 
 # The parameters of a trust model that a field of the scenario gives it.
 _SHARED = {"lam": "lam", "initial": "initial_trust"}
-
-
-def parse_value(text: str) -> Any:
-    """Return a value as TOML has it (`3`, `0.5`, `true`, `[0, 1]`, `{kind = "choice"}`), or else
-    the text itself.
-
-    Example:
-        >>> parse_value("0.5"), parse_value("[0, 1]"), parse_value("random")
-        (0.5, (0, 1), 'random')
-    """
-    try:
-        data = tomllib.loads(f"value = {text}")
-    except (tomllib.TOMLDecodeError, RecursionError):
-        return text
-    return _frozen(data["value"]) if len(data) == 1 else text
 
 
 def value_text(text: str) -> str:
@@ -60,28 +40,6 @@ def value_text(text: str) -> str:
     """
     plain = parse_value(text) == text and not set(text) & set("""[]{},"'""")
     return text if plain else json.dumps(text, ensure_ascii=False)
-
-
-def parse_settings(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:
-    """Return the fields of texts of the form `field=value`.
-
-    Args:
-        settings: Texts.
-        option: Name of their option in error messages.
-
-    Raises:
-        ValueError: A text has another form, or a field occurs twice.
-    """
-    parsed: dict[str, Any] = {}
-    for setting in settings:
-        field, equals, value = setting.partition("=")
-        field = field.strip()
-        if not equals or not field:
-            raise ValueError(f"{option} has {setting!r}; it must be of the form field=value")
-        if field in parsed:
-            raise ValueError(f"{option} sets {field!r} twice")
-        parsed[field] = parse_value(value.strip())
-    return parsed
 
 
 def with_settings(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
@@ -129,7 +87,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
         registry, name, parameters = _parsed_attack(attacker, roster)
         facts = declared_facts(registry.factory(name), accomplices, scenario.max_cycles)
         _check_ring(registry.factory(name), {**facts, **parameters}, attacker)
-        policy = _made(registry, name, {**facts, **parameters}, attacker)
+        policy = make_entry(registry, name, {**facts, **parameters}, attacker)
         for agent in agents:
             if agent in policies:
                 raise ValueError(
@@ -169,7 +127,7 @@ def parse_trust_model(
     `read_trust_model`.
     """
     registry, name, parameters = read_trust_model(text, scenario, settings)
-    model: TrustModel[Any] = _made(registry, name, parameters, text)
+    model: TrustModel[Any] = make_entry(registry, name, parameters, text)
     return model
 
 
@@ -231,7 +189,7 @@ def parse_named(registry: Registry[T], text: str, offered: Mapping[str, Any] | N
             made.
     """
     entry, name, parameters = _parsed(registry, text)
-    made: T = _made(
+    made: T = make_entry(
         entry, name, {**entry.accepted_parameters(name, offered or {}), **parameters}, text
     )
     return made
@@ -267,7 +225,7 @@ def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None
             if name not in OUTSIDE and (
                 not owner or "=" in owner
             ):  # a name that no import can make known
-                _explain_unknown(registry, name)
+                explain_unknown(registry, name)
             raise ValueError(
                 f"the file names the {registry.kind} {text!r}, which is not installed; if you "
                 "trust whoever wrote "
@@ -275,43 +233,17 @@ def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None
             )
 
 
-def parse_parameters(text: str) -> tuple[str, dict[str, Any]]:
-    """Return the name and the parameters of `NAME[:key=value,...]`.
-
-    Raises:
-        ValueError: A parameter is not of the form key=value, or is given twice.
-
-    Example:
-        >>> parse_parameters("on-off:start=10,targets=[0, 1]")
-        ('on-off', {'start': 10, 'targets': (0, 1)})
-    """
-    name, _, rest = text.strip().partition(":")
-    return name, _parameters(rest, text)
-
-
-def _parameters(rest: str, text: str) -> dict[str, Any]:
-    return parse_settings([part for part in _COMMA.split(rest) if part.strip()], option=repr(text))
-
-
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
-    """Return registry, name and parameters of `NAME:...`, `package.module:Class:...` or the address
-    of a model.
-    """
-    name, _, rest = text.strip().partition(":")
-    if registry is trust_models and name in OUTSIDE:
-        return registry.with_only(name, OutsideFactory(text.strip())), name, {}
-    owner, _, after = rest.partition(":")
-    if name not in registry:
-        if name and owner.strip().isidentifier():
-            registry, name, rest = _own(registry, name, owner.strip()), owner.strip(), after
-        else:
-            _explain_unknown(registry, name)
-    return registry, name, _parameters(rest, text)
+    """Return what `parse_entry` does; a trust model may also be an address."""
+    kind = text.strip().partition(":")[0]
+    if registry is trust_models and kind in OUTSIDE:
+        return registry.with_only(kind, OutsideFactory(text.strip())), kind, {}
+    return parse_entry(registry, text)
 
 
 def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[str, Any]]:
     """Return the same for an attack, with names of agents replaced by indices."""
-    registry, name, parameters = _parsed(attackers, text)
+    registry, name, parameters = parse_entry(attackers, text)
     axes = (
         (_PROVIDERS, "providers", roster.provider_names),
         (_RATERS, "raters", roster.rater_names),
@@ -323,24 +255,6 @@ def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[
     return registry, name, parameters
 
 
-def _explain_unknown(registry: Registry[Any], name: str) -> None:
-    try:
-        registry.factory(name)
-    except ValueError as error:
-        raise ValueError(
-            f"{error}. Your own is package.module:Class, or a name that an installed package "
-            "declares as an entry "
-            f"point in the group {registry.group!r}"
-        ) from None
-
-
-def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
-    """Return a registry of one class in a module, which may lie in the current folder."""
-    if os.getcwd() not in sys.path:
-        sys.path.append(os.getcwd())
-    return registry.for_class(module, name)
-
-
 def _check_ring(kind: AttackKind, parameters: Mapping[str, Any], text: str) -> None:
     """Refuse a ring of raters that has no provider to praise."""
     wanted = inspect.signature(kind).parameters.get("accomplices")
@@ -350,22 +264,6 @@ def _check_ring(kind: AttackKind, parameters: Mapping[str, Any], text: str) -> N
             f"--attack sp_0={text}, "
             "or name them, such as accomplices=[sp_0]"
         )
-
-
-def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], text: str) -> Any:
-    try:
-        return registry.make(name, **parameters)
-    except (
-        TypeError
-    ) as error:  # a value of the wrong type, which the maker compared or computed with
-        raise ValueError(f"{text!r}: a value is of the wrong type ({error})") from None
-    except (
-        LookupError,
-        ArithmeticError,
-        AttributeError,
-        RuntimeError,
-    ) as error:  # of a class that others wrote
-        raise ValueError(f"{text!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
 def _indices(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
@@ -395,10 +293,3 @@ def _agents(pattern: str, names: Sequence[str]) -> list[str]:
             f"{names[-1]}"
         )
     return matching
-
-
-def _frozen(value: Any) -> Any:
-    """Return lists as tuples, so that a policy that holds them can be hashed."""
-    if isinstance(value, list):
-        return tuple(_frozen(item) for item in value)
-    return {key: _frozen(item) for key, item in value.items()} if isinstance(value, dict) else value
