@@ -1,5 +1,19 @@
-"""Policies that play, learn or plan."""
+"""Policies that play, learn or plan, and the training of attackers."""
+
+from typing import TYPE_CHECKING, Any
 
 from roletrust_agents.honest import Honest
 
-__all__ = ["Honest"]
+if TYPE_CHECKING:
+    from roletrust_agents.training.train import Training, train
+
+__all__ = ["Honest", "Training", "train"]
+
+
+def __getattr__(name: str) -> Any:
+    """Return `train` or `Training`, which need the extra `train`."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from roletrust_agents.training import train
+
+    return getattr(train, name)

@@ -33,7 +33,7 @@ from roletrust_agents.training.coalition_methods import EvolutionSearch
 from roletrust_agents.training.universal import Universal
 from roletrust_baselines.search import CmaEs, PaperAttacks, RandomSearch
 from roletrust_env import make_scenario
-from roletrust_env.envs.attack_env import TASKS
+from roletrust_env.envs.attack_env import TASKS, find_task
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.search import (
@@ -47,7 +47,6 @@ from roletrust_env.evaluation.search import (
 from roletrust_env.evaluation.specs import parse_kinds, parse_settings, parse_trust_model
 from roletrust_env.metrics.confidence import Interval, over_games
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_experiments.commands.options import find_task
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.study import Recipe, Study
 

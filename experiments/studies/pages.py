@@ -6,6 +6,7 @@ folder is there is not repeated without `--force`. Minutes each; `universal` tak
 an hour on two cores.
 """
 
+import json
 import shlex
 import shutil
 import subprocess
@@ -28,10 +29,11 @@ ZOO = "../agents/roletrust_agents/zoo"
 """Folder of the attackers that come with the project, from `docs/`."""
 
 _CERTAIN = "--set max_cycles=200 --set noise=0 --set perturbations=[]"
+_STEALTH = "--set stealth={{weight=2.0}}"
 _OTC = "--columns rater=1,ratee=2,rating=3,time=4 --read header=false"
 
 _EVOLVE = (
-    "train CollusionAttack --learner evolution:start=random --steps 6000000 --objective mislead "
+    "train CollusionAttack --learner evolution:start=random --steps 6000000 --set objective=mislead "
     "--model wary-role-trust --model beta --model role-trust --model qor --model median --set "
     "max_cycles=50"
 )
@@ -66,7 +68,7 @@ scenario, its agents and the compromised ones.
 _TREAT = (
     "train CollusionAttack --learner evolution-strategy:wide=true,start=alike,games=8,pairs=16 "
     "--steps 3000000 "
-    "--objective mislead --consumers raters --scenario market --set max_cycles=60 --set "
+    "--set objective=mislead --set consumers=raters --set scenario=market --set max_cycles=60 --set "
     "continuation=0.97 "
     "--set ratings={{lost=0.8}} --model own-experience --model first-hand --model subjective-logic "
     "--model fire "
@@ -99,23 +101,26 @@ COMMANDS = {
         f"compare {{logs}}/bitcoin-otc/otc_network.csv.gz {_OTC} --scale -10 10 --same-agents "
         "--out {out}"
     ],
-    "colluders": ["train CollusionAttack --stealth-weight 2 --runs 5 --out {out}/runs"],
+    "colluders": [
+        f"train CollusionAttack {_STEALTH} --seed {seed} --out {{out}}/runs/{seed}"
+        for seed in range(5)
+    ],
     "universal": [
-        f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}]"
-        + "".join(f" --compromised {agent}" for agent in names)
+        f"{_EVOLVE} --set scenario={scenario} --set agents=[{agents}]"
+        + f" --set compromised={json.dumps(names, separators=(',', ':'))}"
         + f" --out {{out}}/{name}"
         for name, (scenario, agents, names) in UNIVERSAL.items()
     ],
     "treatment": [
         f"{_TREAT} --set agents=[{agents}]"
-        + "".join(f" --compromised {agent}" for agent in names)
+        + f" --set compromised={json.dumps(names, separators=(',', ':'))}"
         + f" --out {{out}}/{name}-treatment"
         for name, (agents, names) in TREATMENT.items()
     ],
     "zoo": [
         f"train ProviderAttack {_CERTAIN} --out {{out}}/provider-3x3",
-        f"train RaterAttack --stealth-weight 2 {_CERTAIN} --out {{out}}/rater-3x3",
-        "train CollusionAttack --stealth-weight 2 --out {out}/collusion-10x10",
+        f"train RaterAttack {_STEALTH} {_CERTAIN} --out {{out}}/rater-3x3",
+        f"train CollusionAttack {_STEALTH} --out {{out}}/collusion-10x10",
     ],
 }
 """Commands of each recipe. `{out}` is its folder."""

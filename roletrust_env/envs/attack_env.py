@@ -372,6 +372,27 @@ TASKS: dict[str, type[AttackEnv]] = {
 """The environments of the attack tasks, by the id in Gymnasium."""
 
 
+def find_task(name: str) -> str:
+    """Return the id of an attack task from its id or its short name in any case.
+
+    Raises:
+        ValueError: There is no such task.
+
+    Example:
+        >>> find_task("rater-attack")
+        'RoleTrust/RaterAttack-v0'
+    """
+    short = {_short(task_id).lower(): task_id for task_id in TASKS}
+    try:
+        return short[_short(name).lower().replace("-", "")]
+    except KeyError:
+        raise ValueError(f"unknown task {name!r}{suggest(name, map(_short, TASKS))}") from None
+
+
+def _short(task_id: str) -> str:
+    return task_id.removeprefix("RoleTrust/").removesuffix("-v0")
+
+
 def task_by_id(task_id: str, arguments: Mapping[str, Any]) -> AttackTask:
     """Return the attack task of an id in Gymnasium.
 

@@ -20,7 +20,7 @@ from roletrust_env.metrics import Score, damage
 from roletrust_env.trust.model import registry as models
 from roletrust_env.trust.models.personal.travos import Travos
 from roletrust_env.world.presets import scenarios
-from roletrust_experiments.commands.catalogue import all_attackers, all_models
+from roletrust_experiments.catalogue import all_attackers, all_models
 from site_pages import pictures, whole_streams
 from site_pages.commands import everything, markdown, roletrust
 from site_pages.docstrings import as_written, formula_of, formulas, readable, typeset

@@ -75,12 +75,6 @@ def test_measured_attackers_take_what_was_foreseen():
             "roletrust_experiments.commands.play.play_games",
         ),
         (
-            ["list", "zoo", "provider-3x3"],
-            "--games ",
-            "--games",
-            "roletrust_agents.learned.policy.play_task",
-        ),
-        (
             ["train", "RaterAttack", "--set", "max_cycles=10"],
             "--learner PPO:games=",
             "--learner games",
@@ -93,7 +87,7 @@ def test_measured_attackers_take_what_was_foreseen():
             "roletrust_agents.training.coalition_loop.train",
         ),
     ],
-    ids=["play", "zoo", "train", "train evolution"],
+    ids=["play", "train", "train evolution"],
 )
 def test_what_is_too_large_is_refused_and_what_fits_is_not(
     tmp_path, monkeypatch, command, option, name, work

@@ -64,7 +64,7 @@ def learned_methods(folder: Path, seeds: Sequence[int], name: str) -> list[Learn
 
     Args:
         folder: Folder of a single run, which can have any seed, or folder with a subfolder for each
-            run, see `roletrust train --runs`.
+            run.
         seeds: Seeds that the runs must have.
         name: Name in tables.
 

@@ -68,7 +68,7 @@ def train(
                     CurvePoint(training.rounds, seconds, float(score.mean), float(score.half))
                 )
                 _save(training, curve, folder)
-            on_report(TrainingReport(min(training.rounds, run.steps), curve))
+            on_report(TrainingReport(min(training.rounds, run.steps), run.steps, curve))
     tasks = tasks_from_card(run.task, run.trust_model, run.scenario)
     return finish(run, tasks, training.network, curve, training.rounds), curve
 

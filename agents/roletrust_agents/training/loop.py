@@ -152,12 +152,12 @@ class _Watch(BaseCallback):
         """Measure when it is time; the learner has just been updated, or has not begun."""
         if self.num_timesteps > 0 and self.num_timesteps >= self._due():
             self._measure()
-        self._on_report(TrainingReport(self.num_timesteps, self.curve))
+        self._on_report(TrainingReport(self.num_timesteps, self._run.steps, self.curve))
 
     def _on_training_end(self) -> None:
         if not self.curve or self.curve[-1].steps < self.num_timesteps:
             self._measure()
-        self._on_report(TrainingReport(self.num_timesteps, self.curve))
+        self._on_report(TrainingReport(self.num_timesteps, self._run.steps, self.curve))
 
     def _on_step(self) -> bool:
         return True

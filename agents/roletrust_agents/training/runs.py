@@ -101,41 +101,22 @@ class RunFolder:
             raise ValueError(f"{file} holds no run; start again with another --out")
         return config
 
-    def run(self, planned: "Run | None", resume: bool) -> "Run":
-        """Return the run to train: the planned one, or the one that the folder holds.
-
-        Args:
-            planned: Run that is asked for; None continues that of the folder.
-            resume: Whether a run of the folder may be continued.
+    def run(self, planned: "Run") -> "Run":
+        """Return the planned run, or the same one that the folder holds, with its engine.
 
         Raises:
-            ValueError: There is neither, or the folder holds a run that must not be continued.
+            ValueError: The folder holds another run.
         """
-        config, out = self.config(), self.path
+        config = self.config()
         if config is None:
-            if planned is None:
-                several = next(
-                    out.parent.glob("seed-*")
-                    if out.name.startswith("seed-")
-                    else out.glob("seed-*"),
-                    None,
-                )
-                how = (
-                    "give the whole command again, with --resume"
-                    if several
-                    else "name a task to begin one"
-                )
-                raise ValueError(f"there is no run in {out} to continue; {how}")
             return planned
         run = Run.read(config.get("run"))
-        if not resume:
+        fields = run.model_dump(mode="json", exclude={"engine"})
+        wanted = planned.model_dump(mode="json", exclude={"engine"})
+        if different := [name for name in fields if fields[name] != wanted[name]]:
             raise ValueError(
-                f"{out} holds a run; continue it with --resume, or choose another --out"
-            )
-        if planned is not None and planned != run:
-            raise ValueError(
-                f"{out} holds another run, see its config.json; leave the task out to continue "
-                "that one"
+                f"{self.path} holds another run (not the same: {', '.join(different)}); choose "
+                "another --out"
             )
         return run
 
@@ -257,13 +238,13 @@ class Run(UntrustedModel):
             raise ValueError(f"the run folder's config.json: {validation_message(error)}") from None
 
 
-def fastest_engine(task: AttackTask) -> tuple[Engine, str]:
-    """Return the fastest engine for batches of a task, and why it is not the compiled one."""
+def fastest_engine(task: AttackTask) -> Engine:
+    """Return the fastest engine for batches of a task."""
     try:
         compile_batch(task)
-    except ValueError as error:
-        return "rules", str(error)
-    return "compiled", ""
+    except ValueError:
+        return "rules"
+    return "compiled"
 
 
 class CurvePoint(NamedTuple):
@@ -283,9 +264,16 @@ class CurvePoint(NamedTuple):
 
 
 class TrainingReport(NamedTuple):
-    """Progress of the training."""
+    """Progress of the training.
+
+    Attributes:
+        steps: Number of rounds so far.
+        total: Number of rounds after which the training ends.
+        curve: Learning curve so far.
+    """
 
     steps: int
+    total: int
     curve: list[CurvePoint]
 
 

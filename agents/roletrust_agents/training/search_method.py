@@ -63,15 +63,15 @@ class LearnerSearch:
 
 
 def ppo() -> LearnerSearch:
-    """Return PPO."""
+    """Train by proximal policy optimization (PPO) of Stable-Baselines3."""
     return LearnerSearch("ppo", "PPO")
 
 
 def recurrent_ppo() -> LearnerSearch:
-    """Return PPO with an LSTM."""
+    """Train by PPO with a memory, of sb3-contrib."""
     return LearnerSearch("recurrent-ppo", "recurrent PPO")
 
 
 def sac() -> LearnerSearch:
-    """Return SAC."""
+    """Train by soft actor-critic (SAC) of Stable-Baselines3."""
     return LearnerSearch("sac", "SAC")

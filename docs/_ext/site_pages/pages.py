@@ -20,7 +20,7 @@ from roletrust_env.game.policy import registry as attackers
 from roletrust_env.storage.files import write_text
 from roletrust_env.trust.model import registry as models
 from roletrust_env.world.presets import registry as scenarios
-from roletrust_experiments.commands.catalogue import (
+from roletrust_experiments.catalogue import (
     Entry,
     all_attackers,
     all_models,

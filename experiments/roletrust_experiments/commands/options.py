@@ -98,24 +98,3 @@ def given_options(context: typer.Context) -> list[str]:
         for name, source in sources.items()
         if source is not None and source.name == "COMMANDLINE"
     ]
-
-
-def task_names() -> dict[str, str]:
-    """Return the attack tasks by their short names, such as `RaterAttack`, with their ids."""
-    from roletrust_env.envs.attack_env import TASKS
-
-    return {task_id.removeprefix("RoleTrust/").removesuffix("-v0"): task_id for task_id in TASKS}
-
-
-def find_task(text: str) -> str:
-    """Return the id of a task, from its id or its short name in any case.
-
-    Raises:
-        ValueError: There is no such task.
-    """
-    short = task_names()
-    wanted = text.lower().removeprefix("roletrust/").removesuffix("-v0").replace("-", "")
-    for name, task_id in short.items():
-        if wanted == name.lower():
-            return task_id
-    raise ValueError(f"unknown task {text!r}{suggest(text, short)}")

@@ -12,7 +12,7 @@ from roletrust_env.benchmarking import register_learner
 from roletrust_env.benchmarking.learners.learner import search_names
 from roletrust_env.trust import Mean, register_trust_model
 from roletrust_experiments.cli import app
-from roletrust_experiments.commands.catalogue import all_attackers, all_models
+from roletrust_experiments.catalogue import all_attackers, all_models
 
 
 def run(*arguments, width=120):
@@ -42,7 +42,7 @@ def test_learners_are_listed_with_those_of_others():
     register_learner("steady", Steady)
     printed = " ".join(run("learners").output.split())
     assert all(name in printed for name in search_names())
-    assert "steady Plays one quality in every round. quality=0.4" in printed
+    assert "Plays one quality in every round. quality=0.4" in printed
     assert "steady" in run().output
     learners = json.loads(run("learners", "--json").output)["learners"]
     assert list(learners) == [*search_names(), "steady"]

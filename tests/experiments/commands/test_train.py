@@ -2,7 +2,6 @@ import json
 import os
 import platform
 import random
-import shlex
 import signal
 import subprocess
 import sys
@@ -16,9 +15,8 @@ from refusals import assert_names, refuses
 pytest.importorskip("sb3_contrib")
 
 from csv_files import csv_rows
-from typer.testing import CliRunner
 
-from roletrust_agents.learned.methods import learned_methods
+import roletrust_agents
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import ZOO, load_attacker
 from roletrust_agents.training import loop
@@ -33,7 +31,6 @@ from roletrust_agents.training.settings import make_settings
 from roletrust_agents.training.yardsticks import Yardstick
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.make_task import make_task
-from roletrust_experiments.cli import app
 
 TINY = ["--set", "max_cycles=10", "--set", "noise=0", "--set", "perturbations=[]"]
 SMALL = "games=8,hidden=[8],batch_size=40"
@@ -56,7 +53,6 @@ def train(out, *arguments):
 
 
 def test_a_run_and_what_it_leaves_behind(tmp_path, drawn):
-    tmp_path /= "a, b"  # the next command has it in quotes
     attacker, printed = train(tmp_path, "provider-attack", *PPO, "--seed", 3)
     config = json.loads((tmp_path / "config.json").read_text())
     assert config["run"]["seed"] == 3
@@ -70,16 +66,8 @@ def test_a_run_and_what_it_leaves_behind(tmp_path, drawn):
     assert len(list((tmp_path / "checkpoints").iterdir())) == 2
     score, card = attacker.card.score, attacker.card
     assert f"score {score.mean:.4f}" in printed
-    assert (
-        "In the same games: honest play 0.0000, best script (sp_2: on-off:raters=[0,1]) 0.2000 "
-        "Written" in printed
-    )
-    _, _, shown = printed.partition("Next: roletrust ")
-    shorter = ["--set", "max_cycles=4", "--out", str(tmp_path / "played")]
-    assert (
-        CliRunner().invoke(app, [*shlex.split(shown.removesuffix("--video")), *shorter]).exit_code
-        == 0
-    )
+    assert "honest play 0.0000" in printed
+    assert "0.2000" in printed
     again = play_task(attacker.task(), attacker.network, games=score.games, seed=score.seed)
     assert again.mean() == pytest.approx(score.mean)
     assert score.mean >= max(float(row["score"]) for row in rows) - 1e-6
@@ -119,41 +107,12 @@ def test_the_same_seed_learns_the_same_to_the_last_bit(algo):
     assert not np.array_equal(one, other)
 
 
-def test_runs_of_several_seeds_have_a_folder_each(tmp_path):
-    arguments = ["ProviderAttack", *PPO, "--steps", 80, "--out", tmp_path]
-    assert run("train", *arguments, "--runs", 2, "--seed", 5).exit_code == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["seed-5", "seed-6"]
-    assert [load_attacker(tmp_path / f"seed-{k}").card.training.seed for k in (5, 6)] == [5, 6]
-    assert len(learned_methods(tmp_path, (5, 6), "learned")) == 2
-    again = run("train", *arguments, "--runs", 2, "--seed", 4)
-    assert "seed-5 holds a run" in " ".join(again.output.split())
-    assert not (tmp_path / "seed-4").exists()
-    printed("train", *arguments, "--runs", 3, "--seed", 5, "--resume")
-    assert (tmp_path / "seed-7" / "attacker.json").exists()
-
-
-def test_options_decide_what_is_learned(tmp_path):
-    who = [
-        "--compromised",
-        "sr_0",
-        "--objective",
-        "promote",
-        "--accomplice",
-        "sp_1",
-        "--knowledge",
-        "grey_box",
-    ]
-    price = [
-        "--stealth-weight",
-        2,
-        "--stealth-tolerance",
-        0.2,
-        "--model",
-        "mean",
-        "--scenario",
-        "crowd-10x10",
-    ]
-    attacker, _ = train(tmp_path, "RoleTrust/RaterAttack-v0", *PPO, *who, *price, "--steps", 80)
+def test_settings_decide_what_is_learned(tmp_path):
+    who = ['compromised=["sr_0"]', "objective=promote", 'accomplices=["sp_1"]']
+    more = ["knowledge=grey_box", "stealth={weight=2, tolerance=0.2}", "scenario=crowd-10x10"]
+    settings = [word for each in [*who, *more] for word in ("--set", each)]
+    options = [*PPO, *settings, "--model", "mean", "--steps", 80]
+    attacker, _ = train(tmp_path, "RoleTrust/RaterAttack-v0", *options)
     task = attacker.card.task
     assert (task.compromised, task.objective, task.accomplices, task.knowledge) == (
         ("sr_0",),
@@ -165,6 +124,24 @@ def test_options_decide_what_is_learned(tmp_path):
     assert attacker.card.trust_model.name == "mean"
     assert attacker.card.scenario.name == "crowd-10x10"
     assert attacker.card.architecture.inputs == 2 + 5 * 10 + 10 + 10
+
+
+def test_the_function_and_its_command_train_the_same(tmp_path):
+    command, shown = train(tmp_path / "command", "ProviderAttack", *PPO, "--steps", 80)
+    training = roletrust_agents.train(
+        "ProviderAttack",
+        learner=f"PPO:{SMALL},n_steps=10,n_epochs=1",
+        steps=80,
+        max_cycles=10,
+        noise=0,
+        perturbations=(),
+        out=tmp_path / "function",
+    )
+    assert training.attacker.card.score == command.card.score
+    assert f"{command.card.score.mean:.4f}" in shown
+    assert training.completed
+    assert not training.beats_script
+    assert f"{command.card.score.mean:.4f}" in training._repr_markdown_()
 
 
 @pytest.mark.parametrize("algo", [pytest.param("sac", marks=pytest.mark.slow), "recurrent-ppo"])
@@ -179,7 +156,7 @@ def test_other_learners_stop_and_go_on(tmp_path, algo):
     newest = max((tmp_path / "checkpoints").iterdir())
     for file in newest.iterdir():
         file.unlink()
-    again, _ = train(tmp_path, "--resume")
+    again, _ = train(tmp_path, *arguments)
     assert again.card.training.steps == 320
     assert again.card.score.games == attacker.card.score.games
 
@@ -207,30 +184,27 @@ def test_the_saved_network_plays_as_the_learner_does(algo):
 def test_what_is_asked_wrongly(tmp_path):
     train(tmp_path, "ProviderAttack", *PPO, "--steps", 80)
     cases = {
-        ("--resume",): ["ProviderAttack", *PPO, "--steps", 80],
-        ("config.json",): ["ProviderAttack", *PPO, "--steps", 160, "--resume"],
+        ("steps", "settings"): ["ProviderAttack", *PPO, "--steps", 160],
         ("Provider",): ["Provider"],
         ("RateAttack", "RaterAttack"): ["RateAttack"],
         ("gama", "gamma"): ["ProviderAttack", "--learner", "PPO:gama=0.9"],
         ("recurent-PPO", "recurrent-PPO"): ["ProviderAttack", "--learner", "recurent-PPO"],
+        ("seed",): ["ProviderAttack", "--set", "seed=3"],
+        ("rounds", "max_cycles"): ["ProviderAttack", "--set", "rounds=3"],
+        ("compromised", "sr_2"): ["ProviderAttack", "--set", "compromised=sr_2"],
+        ("model", "2"): ["ProviderAttack", "--model", "mean", "--model", "beta"],
     }
     for words, arguments in cases.items():
         assert_names(printed("train", *arguments, "--out", tmp_path, code=2), *words)
-    assert_names(run("train", "--resume", "--out", tmp_path / "new").output, "new")
-    continued = printed("train", "--resume", "--steps", 9, "--set", "noise=0", code=2)
-    assert_names(continued, "--steps", "--set")
-    for arguments in ([], ["--steps", 9], ["--seed", 3, "--runs", 2]):
-        line = run("train", *arguments, "--out", tmp_path / "new").output
-        assert "name a task: ProviderAttack, RaterAttack" in line
-        assert "a run that is continued" not in line
     (tmp_path / "config.json").write_text("{")
-    assert_names(run("train", "--resume", "--out", tmp_path).output, "config.json")
+    line = run("train", "ProviderAttack", *PPO, "--out", tmp_path).output
+    assert_names(line, "config.json")
 
 
 def test_a_finished_run_that_goes_on_is_as_it_was(tmp_path):
     before, _ = train(tmp_path, "ProviderAttack", *PPO, "--steps", 160)
     (tmp_path / "attacker.safetensors").unlink()
-    after, _ = train(tmp_path, "ProviderAttack", *PPO, "--steps", 160, "--resume")
+    after, _ = train(tmp_path, "ProviderAttack", *PPO, "--steps", 160)
     assert after.card == before.card
 
 
@@ -270,7 +244,7 @@ def test_a_killed_run_goes_on(tmp_path):
     (
         tmp_path / "checkpoints" / f".000000000001.{platform.node()}-{process.pid}"
     ).mkdir()  # it might have been at it
-    attacker, _ = train(tmp_path, "--resume")
+    attacker, _ = train(tmp_path, *arguments[:-2])
     assert not list(tmp_path.rglob(".*"))
     steps = [int(row["steps"]) for row in csv_rows(tmp_path / "curve.csv")]
     assert steps == sorted(set(steps))
@@ -285,40 +259,9 @@ def test_settings_are_tuned_by_task_and_changed_by_hand():
         make_settings("RoleTrust/ProviderAttack-v0", "ppo", {"gamma": 2})
 
 
-def test_the_zoo_scores_what_it_says():
-    result = CliRunner().invoke(app, ["list", "zoo", "--games", "16"], env={"COLUMNS": "160"})
-    assert result.exit_code == 0, result.output
-    names = [path.stem for path in ZOO.glob("*.json")]
-    assert len(names) >= 2
-    for name in names:
-        assert name in result.output
-        for suffix in (".json", ".safetensors"):
-            assert (ZOO / name).with_suffix(suffix).stat().st_size < 200_000
-    assert "nobody" in CliRunner().invoke(app, ["list", "zoo", "nobody"]).output
-
-
-def test_the_zoo_says_what_is_damaged_and_what_does_not_hold(tmp_path):
-    text, data = (
-        (ZOO / "provider-3x3").with_suffix(s).read_bytes() for s in (".json", ".safetensors")
-    )
-    card = json.loads(text)
-    card["score"]["mean"] += 0.1
-    for name, json_bytes, weights in (
-        ("damaged", text, data[:-1]),
-        ("boaster", json.dumps(card).encode(), data),
-    ):
-        (tmp_path / f"{name}.json").write_bytes(json_bytes)
-        (tmp_path / f"{name}.safetensors").write_bytes(weights)
-    result = CliRunner().invoke(
-        app, ["list", "zoo", "--games", "2", "--folder", str(tmp_path)], env={"COLUMNS": "160"}
-    )
-    assert result.exit_code == 1
-    assert "digest" in result.output
-    assert "no" in result.output.split("boaster")[1]
-
-
 def test_a_wrong_first_command_leaves_nothing_behind(tmp_path):
-    printed("train", "ProviderAttack", "--compromised", "sr_0", "--out", tmp_path / "run", code=2)
+    wrong = ["--set", 'compromised=["sr_7"]']
+    printed("train", "ProviderAttack", *wrong, "--out", tmp_path / "run", code=2)
     assert not (tmp_path / "run" / "config.json").exists()
 
 
@@ -328,12 +271,6 @@ def test_a_model_without_a_name_cannot_be_trained_against(tmp_path):
         "train", "ProviderAttack", "--model", model, "--out", tmp_path / "run", code=2
     )
     assert_names(refused, "roletrust_env.trust.models.central.means:Mean")
-
-
-def test_what_is_to_go_on_of_several_runs_is_said(tmp_path):
-    (tmp_path / "seed-0").mkdir()
-    refused = run("train", "--resume", "--out", tmp_path)
-    assert "the whole command again" in " ".join(refused.output.split())
 
 
 def test_a_run_that_is_stopped_is_saved_with_its_scores_and_goes_on(tmp_path, monkeypatch):
@@ -348,21 +285,8 @@ def test_a_run_that_is_stopped_is_saved_with_its_scores_and_goes_on(tmp_path, mo
         stopped = printed("train", "ProviderAttack", *PPO, "--out", tmp_path, code=130)
     card = load_attacker(tmp_path).card
     assert card.training.steps == 240
-    assert_names(stopped, f"{card.score.mean:.4f}", "0.2000", "--resume")
-    assert train(tmp_path, "--resume")[0].card.training.steps == 1600
-
-
-@pytest.mark.parametrize("checkpoint", [None, Checkpoint(1, {}, {})])
-def test_an_interrupted_run_says_how_to_go_on(tmp_path, monkeypatch, checkpoint):
-    """Unless there is nothing to go on from."""
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("roletrust_agents.training.loop.train", interrupted)
-    monkeypatch.setattr(RunFolder, "last", lambda _: checkpoint)
-    stopped = printed("train", "ProviderAttack", *PPO, "--out", tmp_path, code=130)
-    assert (f"--resume --out {tmp_path}" in stopped) == (checkpoint is not None)
+    assert_names(stopped, f"{card.score.mean:.4f}")
+    assert train(tmp_path, "ProviderAttack", *PPO)[0].card.training.steps == 1600
 
 
 def test_attackers_of_the_zoo_are_found_by_name():

@@ -9,7 +9,6 @@ import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
-from pathlib import Path
 from typing import Any, get_type_hints
 
 from roletrust_env import Policy
@@ -27,22 +26,6 @@ from roletrust_env.world.presets import registry as scenarios
 Entry = dict[str, Any]
 """A scenario, trust model, attacker or learner as plain data; only its `error` if it cannot be
 loaded or read."""
-
-_BUILT_IN = {
-    "PPO": "Proximal policy optimization of Stable-Baselines3",
-    "recurrent PPO": "Proximal policy optimization with a memory, of sb3-contrib",
-    "SAC": "Soft actor-critic of Stable-Baselines3",
-    "coalition PPO": "PPO on the network of a coalition, with noise that is held over an episode",
-    "evolution": "Evolution of the network of a coalition, which treats all providers alike",
-    "evolution strategy": "The same with a slope that is estimated from pairs of candidates: better with few rounds",  # noqa: E501
-    "gradients": "Gradients through the game for the network of a coalition",
-    "universal": "Coalitions that come with the project, trained against other trust models",
-    "CMA-ES": "Evolution strategy that searches the parameters of scripted attacks",
-    "agreed CMA-ES": "The same where all agents of a role play one attack",
-    "random search": "Random search over the parameters of scripted attacks",
-    "white-box planner": "Planner that follows the gradients of the game",
-}
-"""Descriptions of this project's search methods, which a learner is compared with."""
 
 
 def all_scenarios() -> dict[str, Entry]:
@@ -91,49 +74,47 @@ def all_attackers() -> dict[str, Entry]:
 def all_learners() -> dict[str, Entry]:
     """Return every learner by name: its description and its parameters.
 
-    The search methods come first. They are not loaded, because the libraries that they need are
-    large.
+    The search methods come first, which import the libraries that they need.
     """
 
-    def entry(name: str) -> Entry:
-        factory = learners.factory(name)
+    def entry(factory: Callable[..., Any]) -> Entry:
         return {"description": summary(factory), "parameters": _parameters(factory)}
 
-    described = {
-        name: _BUILT_IN.get(name, text) for name, text in search_methods.describe().items()
-    }
-    searches = {name: {"description": described[name], "parameters": {}} for name in search_names()}
-    return {**searches, **_entries(learners.names(), entry)}
+    searches = _entries(search_names(), lambda name: entry(search_methods.factory(name)))
+    return {**searches, **_entries(learners.names(), lambda name: entry(learners.factory(name)))}
 
 
-def all_trained(folder: Path | None = None) -> dict[str, Entry]:
-    """Return the trained attackers of a folder by name: their tasks, their trainings and their
+def all_trained() -> dict[str, Entry]:
+    """Return the trained attackers of the project by name: their tasks, their trainings and their
     scores.
-
-    Args:
-        folder: Folder of the attackers; None is that of those that come with the project.
     """
     from roletrust_agents.learned.saved import ZOO, load_attacker, zoo
 
     def entry(name: str) -> Entry:
-        card = load_attacker((folder or ZOO) / name).card
+        card = load_attacker(ZOO / name).card
         task, rules, training = card.task, card.scenario, card.training
-        price = (
-            f", stealth {task.stealth.weight:g} beyond {task.stealth.tolerance:g}"
-            if task.stealth.weight
-            else ""
-        )
+        weight, tolerance = task.stealth.weight, task.stealth.tolerance
+        price = f", stealth {weight:g} beyond {tolerance:g}" if weight else ""
         played = (
             f"{task.id}: {', '.join(task.compromised)} in {rules.name}, {rules.max_cycles} rounds"
         )
         learned = f"by {training.algorithm}, {training.rounds:,} rounds, seed {training.seed}"
-        words = f"{played}, {task.objective}{price}, {task.knowledge}; {learned}"
         return {
-            "description": words,
+            "description": f"{played}, {task.objective}{price}, {task.knowledge}; {learned}",
             **card.model_dump(mode="json", include={"task", "training", "score"}),
         }
 
-    return _entries(zoo(folder or ZOO), entry)
+    return _entries(zoo(), entry)
+
+
+CATALOGUE = {
+    "scenarios": all_scenarios,
+    "models": all_models,
+    "attackers": all_attackers,
+    "learners": all_learners,
+    "zoo": all_trained,
+}
+"""The functions that return the entries of each kind."""
 
 
 def unfit(entry: Entry) -> list[str]:
