@@ -33,8 +33,8 @@ _STEALTH = "--set stealth={{weight=2.0}}"
 _OTC = "--columns rater=1,ratee=2,rating=3,time=4 --read header=false"
 
 _EVOLVE = (
-    "train CollusionAttack --learner evolution:start=random --steps 6000000 --set objective=mislead "
-    "--model wary-role-trust --model beta --model role-trust --model qor --model median --set "
+    "train CollusionAttack --learner evolution:start=random --steps 6000000 "
+    "--set objective=mislead --model wary-role-trust --model beta --model role-trust --model qor --model median --set "
     "max_cycles=50"
 )
 _ABLE = 'role="SP",ability=[0.3,1.0]'
@@ -68,8 +68,8 @@ scenario, its agents and the compromised ones.
 _TREAT = (
     "train CollusionAttack --learner evolution-strategy:wide=true,start=alike,games=8,pairs=16 "
     "--steps 3000000 "
-    "--set objective=mislead --set consumers=raters --set scenario=market --set max_cycles=60 --set "
-    "continuation=0.97 "
+    "--set objective=mislead --set consumers=raters --set scenario=market --set max_cycles=60 "
+    "--set continuation=0.97 "
     "--set ratings={{lost=0.8}} --model own-experience --model first-hand --model subjective-logic "
     "--model fire "
     "--model yu-singh"
