@@ -14,6 +14,7 @@ from roletrust_env.envs.wrappers import FixedAgents as FixedAgents
 from roletrust_env.envs.wrappers import ParallelTransformAction as ParallelTransformAction
 from roletrust_env.envs.wrappers import RescaleClipAction as RescaleClipAction
 from roletrust_env.evaluation.evaluate import evaluate as evaluate
+from roletrust_env.evaluation.games import play as play
 from roletrust_env.game.attack_task import AttackTask as AttackTask
 from roletrust_env.game.game import Game as Game
 from roletrust_env.game.joint_policy import JointPolicy as JointPolicy

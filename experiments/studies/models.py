@@ -21,7 +21,7 @@ from roletrust_env.metrics.confidence import Floats
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.world.roster import Roster
-from roletrust_experiments.playing.group_measures import attack_rounds
+from roletrust_env.evaluation.groups import attack_rounds
 from roletrust_experiments.plots.style import (
     ATTACKED,
     ATTACKER,

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
+from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite import RULES, Cell, Rule, Suite
 from roletrust_env.benchmarking.tiers import tiers
 from roletrust_env.evaluation.received import SCORES
@@ -177,6 +178,19 @@ class Leaderboard:
         played = {cell.key for cell, result in stored if not result.failed}
         rows = [row for rule in RULES for row in _rows(suite, rule, cases, played)]
         return cls(suite, rows, cases)
+
+    @classmethod
+    def read(cls, results: str | Path) -> Self:
+        """Return the leaderboard of a results file.
+
+        Raises:
+            ValueError: The file cannot be read, or is of a suite for learners.
+        """
+        with ResultStore(Path(results)) as store:
+            suite, stored = store.suite, store.all()
+        if not isinstance(suite, Suite):
+            raise ValueError(f"{results} is of a suite for {suite.kind}; give one for trust models")
+        return cls.of(suite, stored)
 
     @property
     def legend(self) -> str:

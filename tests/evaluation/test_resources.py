@@ -5,19 +5,19 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from rich.progress import Progress
 from typer.testing import CliRunner
 
 from roletrust_agents.learned.saved import ZOO
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, make_scenario, memory
+from roletrust_env.evaluation import games as playing
 from roletrust_env.evaluation import resources
+from roletrust_env.evaluation.games import foresee, play
 from roletrust_env.evaluation.measurement import task_memory
+from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import over_games, student_quantile
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.cli import app
-from roletrust_experiments.commands import play
-from roletrust_experiments.playing.games import foresee, play_games
 
 
 def run(*arguments):
@@ -35,20 +35,24 @@ def peak(work):
 
 @pytest.mark.parametrize(
     ("scenario", "games", "rounds", "models", "attacked"),
-    [("paper-3x3", 6000, 10, 1, True), ("robots-that-move", 600, 12, 2, True)],
+    [
+        ("paper-3x3", 6000, 10, ["role-trust"], True),
+        ("robots-that-move", 600, 12, ["role-trust", "role-trust:lam=0.6"], True),
+    ],
 )
-def test_games_take_what_was_foreseen(scenario, games, rounds, models, attacked):
+def test_games_take_what_was_foreseen(monkeypatch, scenario, games, rounds, models, attacked):
     game = Game(make_scenario(scenario).change(max_cycles=rounds))
     attackers = {"sr_0": BadMouthing()} if attacked else {}
-    joint_policies = [JointPolicy(game, attackers)] * models
+    joint_policies = [
+        JointPolicy(Game(game.scenario, parse_trust_model(model, game.scenario)), attackers)
+        for model in models
+    ]
     foreseen = games * foresee(joint_policies, attackers).memory
 
+    monkeypatch.setattr(playing, "_check_memory", lambda *_: None)  # it measures memory, too
+
     def work():
-        with Progress(disable=True) as progress:
-            return [
-                play_games("", joint_policy, attackers, games=games, seed=0, progress=progress)
-                for joint_policy in joint_policies
-            ]
+        return play(game.scenario, model=models, attacks=attackers, games=games, seed=0)
 
     assert 0.9 < foreseen / peak(work) < 1.35
 
@@ -71,8 +75,8 @@ def test_measured_attackers_take_what_was_foreseen():
         (
             ["play", "--attack", "sr_0=bad-mouthing"],
             "--games ",
-            "--games",
-            "roletrust_experiments.commands.play.play_games",
+            "games",
+            "roletrust_env.evaluation.games._play_games",
         ),
         (
             ["train", "RaterAttack", "--set", "max_cycles=10"],
@@ -119,7 +123,7 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(
 
 def test_one_game_that_is_too_long_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(memory, "available", lambda: 5e8)
-    monkeypatch.setattr(play, "play_games", lambda *_, **__: pytest.fail("it has begun"))
+    monkeypatch.setattr(playing, "_play_games", lambda *_, **__: pytest.fail("it has begun"))
     result = run(
         "play",
         "--set",

@@ -68,14 +68,6 @@ def random_cells(suite: Suite, record: str = "") -> list[StoredCell]:
     return stored
 
 
-def board_of(path: Path) -> Leaderboard:
-    """Return the leaderboard of a file."""
-    with ResultStore(path) as store:
-        suite, stored = store.suite, store.all()
-    assert isinstance(suite, Suite)
-    return Leaderboard.of(suite, stored)
-
-
 def write_report(here: Path) -> None:
     """Write a run of the small suite, one of learners whose numbers are drawn, and the report on
     both."""

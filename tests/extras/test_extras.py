@@ -81,9 +81,9 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
         ("train", ["play", "--attack", f"sp_2=learned:path={ZOO}"]),
         ("vision", ["play", "paper-3x3-hog"]),
         ("vision", ["figures"]),
-        ("robots", ["live", "keys", "keys"]),
-        ("manager", ["mcp", "http://127.0.0.1:9", "--name", "ann", "--keys", "keys"]),
-        ("manager", ["serve", "mean", "--store", "trust.sqlite"]),
+        ("robots", ["robots", "keys", "keys"]),
+        ("manager", ["manager", "mcp", "http://127.0.0.1:9", "--name", "ann", "--keys", "keys"]),
+        ("manager", ["manager", "serve", "mean", "trust.sqlite"]),
         ("train", ["benchmark", "mean", "--dry-run"]),
         ("train", ["report", "results.sqlite"]),
     ):
@@ -96,7 +96,7 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
     )
     assert "first-hand" in cli.roletrust("benchmark")
     assert "damage" in cli.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2)
-    assert "not ok" not in cli.roletrust("figures", "--service", "synthetic")
+    assert "not ok" not in cli.roletrust("figures", "paper-3x3")
 
 
 def test_mcp(fresh: Callable[..., Environment]) -> None:
@@ -272,9 +272,11 @@ print(set(frame["missing"]))
     assert there == here
 
 
-def test_live(fresh: Callable[..., Environment]) -> None:
-    live = fresh("robots")
-    assert "Made in keys: manager, sr_0, sr_1, sr_2, sp_0" in live.roletrust("live", "keys", "keys")
+def test_robots(fresh: Callable[..., Environment]) -> None:
+    robots = fresh("robots")
+    assert "Made in keys: manager, sr_0, sr_1, sr_2, sp_0" in robots.roletrust(
+        "robots", "keys", "keys"
+    )
     heard = """
 import time
 from roletrust_manager.dds.wire import messages
@@ -285,7 +287,7 @@ while not (writer.readers and reader.writers):
     time.sleep(0.01)
 print("met")
 """
-    assert live.python(heard) == "met\n"
-    assert "roletrust live demo" in live.roletrust("live", "--help")
-    live.roletrust("live", "demo", "--seconds", 42, "--speed", 2, "--no-view", "--out", "team")
-    assert (live.folder / "team" / "figure.png").exists()
+    assert robots.python(heard) == "met\n"
+    assert "roletrust robots demo" in robots.roletrust("robots", "--help")
+    robots.roletrust("robots", "demo", "--set", "speed=4", "--no-view", "--out", "team")
+    assert (robots.folder / "team" / "figure.png").exists()

@@ -98,7 +98,7 @@ def check(environment: Environment) -> None:
     environment.roletrust("compare", "log.csv.gz", *MEMBERS, "--model", "mean", "--out", "measured")
     environment.roletrust("rate", "log.csv.gz", *MEMBERS, "--out", "trust")
     assert environment.python(SERVED) == "True\n"
-    assert "Made in keys" in environment.roletrust("live", "keys", "keys")
+    assert "Made in keys" in environment.roletrust("robots", "keys", "keys")
 
 
 def test_the_oldest_releases(fresh: Callable[..., Environment], tmp_path: Path) -> None:

@@ -122,7 +122,7 @@ def test_a_folder_that_another_run_writes_to_meanwhile_stays(tmp_path, monkeypat
 @pytest.mark.parametrize("out", ["file", "file/below"])
 @pytest.mark.parametrize(
     "command",
-    [["train", "RaterAttack"], ["play"], ["figures", "--service", "synthetic"]],
+    [["train", "RaterAttack"], ["play"], ["figures", "paper-3x3"]],
     ids=lambda command: command[0],
 )
 def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command, out):
@@ -132,7 +132,7 @@ def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command
     for module, name in (
         ("roletrust_agents.training.loop", "train"),
         ("roletrust_experiments.commands.play", "play_games"),
-        ("roletrust_experiments.commands.figures", "track_curves"),
+        ("roletrust_experiments.paper.figures", "track_curves"),
     ):
         monkeypatch.setattr(f"{module}.{name}", work)
     (tmp_path / "file").write_text("in the way")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from time import monotonic
@@ -9,7 +10,7 @@ from typing import Any, TypeVar
 
 from rich import progress
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
+from rich.console import Console, ConsoleDimensions
 from rich.markup import escape
 from rich.table import Table
 
@@ -20,11 +21,30 @@ ALLOW_CODE = (
 """Help of the option `--allow-code`, for commands whose files name models or attacks."""
 
 _PERIOD = 10.0  # seconds
+_UNWRAPPED = 10_000  # characters of a line
 
 Item = TypeVar("Item")
 
-console = Console(highlight=False, emoji=False)
-errors = Console(stderr=True, highlight=False, emoji=False)
+
+class _Lines(Console):
+    """A console that wraps nothing in a file or a pipe: a row of a table is one line, and a name
+    is whole.
+    """
+
+    @property
+    def size(self) -> ConsoleDimensions:
+        """Width and height in characters."""
+        if self.file.isatty() or "COLUMNS" in os.environ:
+            return super().size
+        return ConsoleDimensions(_UNWRAPPED, super().size.height)
+
+    @size.setter
+    def size(self, size: tuple[int, int]) -> None:
+        raise AttributeError("the terminal decides its size")
+
+
+console = _Lines(highlight=False, emoji=False)
+errors = _Lines(stderr=True, highlight=False, emoji=False)
 
 
 class _ProgressLog(progress.Progress):

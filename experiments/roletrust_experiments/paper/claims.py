@@ -17,6 +17,9 @@ _VISIBLE = 0.1  # depth from which a dip can be seen in the figure
 
 _CALM, _DIP = "calm: min of all", "least dip"
 
+VERDICTS = {True: "ok", False: "not ok", None: "n/a"}
+"""Words for whether a claim holds."""
+
 Mask = npt.NDArray[np.bool_]
 
 

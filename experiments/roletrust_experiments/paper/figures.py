@@ -1,17 +1,25 @@
 """Figures 3 and 4 of Su and Saint-Jore (2023): their attacks, their windows and their claims."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
 
 from roletrust_baselines import BadMouthing, OnOff
-from roletrust_env import Game, Policy
+from roletrust_env import Game, JointPolicy, Policy, State, make_scenario
+from roletrust_env.evaluation.curves import Curves
+from roletrust_env.evaluation.games import Advance, track_curves
+from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.storage.provenance import describe_policies, provenance
 from roletrust_experiments.paper import claims
 
 COLUMNS = ("time_s", "ToR_1", "ToR_2", "ToR_3", "ToP_1", "ToP_2", "ToP_3")
 ON_OFF, BAD_MOUTHING = claims.Window(50.0, 90.0), claims.Window(20.0, 45.0)
 
 Attack = Literal["on-off", "bad-mouthing"]
+PaperScenario = Literal["paper-3x3-hog", "paper-3x3"]
 
 
 class Paper(NamedTuple):
@@ -81,3 +89,132 @@ def loop_note(game: Game) -> str | None:
         if length is None
         else f"the frames of {Path(str(game.scenario.frames)).name}, {length:.3g} s, are looped"
     )
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The measured Figures 3 and 4.
+
+    Attributes:
+        game: Game of both figures.
+        seed: Random seed.
+        papers: What the paper shows.
+        curves: Curves of each figure.
+        claims: Claims of the paper, checked.
+        footage: Of frames of the user: their length in seconds if they were repeated, the mean
+            probability of a person before the attack, and whether one was in clear view; None for
+            the rendered scene.
+    """
+
+    game: Game
+    seed: int
+    papers: tuple[Paper, Paper]
+    curves: tuple[Curves, Curves]
+    claims: Sequence[claims.Claim]
+    footage: Mapping[str, Any] | None
+
+    def data(self) -> dict[str, Any]:
+        """Return the claims with what determines them, as JSON has it."""
+        attackers = {f"figure {one.number}": describe_policies(one.policies) for one in self.papers}
+        return {
+            "command": "roletrust figures",
+            "service": self.game.scenario.service,
+            **provenance(self.game, self.seed),
+            "attackers": attackers,
+            "time": "the state after round r, counted from 0, stands at (r + 1) * period_s",
+            **({"footage": self.footage} if self.footage else {}),
+            "claims": [claim._asdict() for claim in self.claims],
+        }
+
+    def notes(self) -> list[str]:
+        """Return what the words of the claims mean, and what is known of the frames."""
+        scenario, note = self.game.scenario, loop_note(self.game)
+        time_s = self.curves[0].time_s
+        calm = claims.spans(time_s, claims.calm_before(time_s, scenario, ON_OFF))
+        steady = claims.spans(time_s, claims.steady_under(time_s, scenario, BAD_MOUTHING))
+        after = f"{claims.SETTLE_S:g} s after any other event"
+        lines = [
+            f"calm: before the attack, {after} (Figure 3: {calm})",
+            f"steady: mean over the rounds of the attack, {after} (Figure 4: {steady})",
+            "least dip: of the three ToP, the smallest fall while the target moves fast",
+        ]
+        if any(claim.ok is None for claim in self.claims):
+            lines.append(
+                "n/a: the bound holds for the rendered scene, and only with a person in clear view"
+            )
+        if self.footage:
+            lines.append(
+                f"the mean probability of a person was {self.footage['probability']:.2f} before "
+                "the attack"
+            )
+        return [*lines, *([note] if note else [])]
+
+    def _repr_markdown_(self) -> str:
+        rows = [
+            (
+                f"{one.figure}",
+                one.what,
+                one.paper,
+                one.needed,
+                one.measured,
+                claims.VERDICTS[one.ok],
+            )
+            for one in self.claims
+        ]
+        headings = ("figure", "what", "the paper", "needed", "measured", "")
+        return markdown_table(headings, rows, headings)
+
+
+def figures(
+    scenario: PaperScenario = "paper-3x3-hog",
+    *,
+    seed: int = 0,
+    advance: Advance = lambda what, share: None,
+    **changes: Any,
+) -> Figures:
+    """Reproduce Figures 3 and 4 of Su and Saint-Jore (2023), and check the claims of the paper.
+
+    Args:
+        scenario: `"paper-3x3-hog"`, people detection in camera frames, or `"paper-3x3"`, plain
+            numbers in place of cameras.
+        seed: Random seed, at least 0; the rendered scene does not depend on it.
+        advance: Called with the progress.
+        **changes: Other values of fields of the scenario, such as `frames="walk.mp4"` and
+            `playback="loop"`.
+
+    Raises:
+        ValueError: A value is not allowed, or the frames cannot be read or are too few.
+
+    Example:
+        >>> from roletrust_experiments.paper.figures import figures
+        >>> found = figures("paper-3x3")
+        >>> all(claim.ok for claim in found.claims)
+        True
+    """
+    rules = make_scenario(scenario)
+    game = Game(rules.change(**changes) if changes else rules)
+    both, probabilities = papers(game.scenario.period_s), list[float]()
+
+    def watch(state: State) -> None:
+        probabilities.append(float(state.service.mean()))
+
+    def track(paper: Paper) -> Curves:
+        joint_policy = JointPolicy(game, paper.policies)
+        return track_curves(joint_policy, seed, advance, f"Figure {paper.number}", on_round=watch)
+
+    curves = track(both[0]), track(both[1])
+    checked = [
+        claim
+        for paper, each in zip(both, curves, strict=True)
+        for claim in paper.check(each, game.scenario, paper.attack)
+    ]
+    footage: dict[str, Any] | None = None
+    if game.scenario.frames is not None:
+        calm = claims.calm_before(curves[0].time_s, game.scenario, ON_OFF)
+        footage = {
+            "loop_length_s": loop_length_s(game),
+            "probability": float(np.mean(probabilities[: len(calm)], where=calm)),
+            "in_clear_view": claims.in_clear_view(checked),
+        }
+        checked = claims.for_given_frames(checked)
+    return Figures(game, seed, both, curves, checked, footage)

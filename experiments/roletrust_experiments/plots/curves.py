@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from roletrust_env import Game, Policy
 from roletrust_env.evaluation.curves import Curves
+from roletrust_env.evaluation.groups import attack_windows
 from roletrust_env.metrics.confidence import Floats, over_games
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_experiments.paper.figures import loop_note
-from roletrust_experiments.playing.group_measures import attack_windows
 from roletrust_experiments.plots.style import (
     ATTACKED,
     ATTACKERS,

@@ -6,12 +6,30 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.storage.files import write_csv
+from roletrust_env.storage.files import write_csv, write_json
 from roletrust_env.world.scenario import Scenario
-from roletrust_experiments.paper.figures import COLUMNS, Paper
+from roletrust_experiments.paper.figures import COLUMNS, Figures, Paper, loop_note
 from roletrust_experiments.plots.curves import Panel, trust_figure
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.plots.style import INK
+
+
+def write_figures(found: Figures, out: Path) -> list[str]:
+    """Write both figures as tables and pictures, and the claims as `results.json`; return the names
+    of the files.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    scenario, note = found.game.scenario, loop_note(found.game)
+    written = [
+        name
+        for paper, curves in zip(found.papers, found.curves, strict=True)
+        for name in write_paper(out, f"figure{paper.number}", paper, {"": curves}, scenario, note)
+    ]
+    written.append("results.json")
+    write_json(out / "results.json", {**found.data(), "files": written})
+    return written
 
 
 def write_paper(

@@ -9,14 +9,14 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from roletrust_env.benchmarking.replay import Replay
 from roletrust_env.metrics.confidence import over_games
-from roletrust_experiments.playing.replay import Replay
 from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, tidy
 
 Floats = npt.NDArray[np.float64]
 
 
-def replay_figure(title: str, replay: Replay) -> Figure:
+def replay_figure(replay: Replay) -> Figure:
     """Return a figure of services and trust by round, means over the games with 95% intervals.
 
     Panels without a line are left out: services from the attacker where it has no provider, and
@@ -41,7 +41,7 @@ def replay_figure(title: str, replay: Replay) -> Figure:
     }
     shown = {label: lines for label, lines in panels.items() if lines}
     figure = Figure(figsize=(4 * len(shown), 3.5), layout="constrained")
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, color=INK)
+    figure.suptitle(replay.title, x=0.01, ha="left", fontsize=11, color=INK)
     grid = figure.subplots(1, len(shown), squeeze=False)[0]
     for axes, (label, lines) in zip(grid, shown.items(), strict=True):
         _panel(axes, label, lines)

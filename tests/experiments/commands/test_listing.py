@@ -11,8 +11,8 @@ from roletrust_env import Scenario, make_scenario, scenarios, trust_models
 from roletrust_env.benchmarking import register_learner
 from roletrust_env.benchmarking.learners.learner import search_names
 from roletrust_env.trust import Mean, register_trust_model
-from roletrust_experiments.cli import app
 from roletrust_experiments.catalogue import all_attackers, all_models
+from roletrust_experiments.cli import app
 
 
 def run(*arguments, width=120):

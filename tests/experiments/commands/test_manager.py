@@ -1,5 +1,6 @@
 """`roletrust manager`: backups and checks of the journals of managers."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from signing_agents import QUICK, Agent, Clock, managed
 @pytest.fixture
 def store(tmp_path: Path) -> Path:
     clock = Clock()
-    with managed(tmp_path / "store", clock, QUICK._replace(scale=(1.0, 5.0))) as manager:
+    with managed(tmp_path / "store", clock, replace(QUICK, scale=(1.0, 5.0))) as manager:
         ann, bob = Agent("ann", clock), Agent("bob", clock)
         for agent in (ann, bob):
             manager.register(agent.registration())
@@ -22,10 +23,10 @@ def store(tmp_path: Path) -> Path:
 
 
 def test_a_backup_of_a_store_is_checked(store: Path):
-    said = printed("manager", "check", store, "--model", "mean", "--scale", 1, 5)
+    said = printed("manager", "check", store, "--model", "mean", "--set", "scale=[1, 5]")
     assert_names(said, "3", "bob", "0.7500")
-    said = printed("manager", "check", store, "--every", 0.5, code=2)
-    assert_names(said, "--every")
+    said = printed("manager", "check", store, "--set", "every=0.5", code=2)
+    assert_names(said, "every", "0.5")
 
 
 def test_a_journal_of_robots_needs_keys(tmp_path: Path):

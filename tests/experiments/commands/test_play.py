@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from command_line import TINY, play, printed, run
 from csv_files import csv_rows
-from refusals import assert_names
+from refusals import assert_names, refuses
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, __version__, make_scenario
 from roletrust_env.evaluation.curves import Curves
+from roletrust_env.evaluation.games import play as play_games
+from roletrust_env.evaluation.groups import MEASURES, damage, measured_since
 from roletrust_env.metrics.confidence import over_games, student_quantile
 from roletrust_env.world.roster import Roster
-from roletrust_experiments.playing.group_measures import MEASURES, damage, measured_since
 from roletrust_experiments.plots.curves import curve_figure
 
 
@@ -129,16 +130,39 @@ def test_default_folder_says_what_was_played(tmp_path, monkeypatch):
     assert (tmp_path / "results/play/paper-3x3-role-trust-bad-mouthing-x2/curves.png").exists()
 
 
-def test_results_of_another_configuration_are_not_overwritten(tmp_path):
-    play(tmp_path)
-    play(tmp_path)  # the same again
-    before = (tmp_path / "results.json").read_bytes()
-    result = run("play", *TINY, "--seed", "1", "--out", str(tmp_path))
-    assert result.exit_code == 2
-    assert_names(result.stderr, "seed")
-    assert (tmp_path / "results.json").read_bytes() == before
-    play(tmp_path, "--seed", "1", "--force")
-    assert (tmp_path / "results.json").read_bytes() != before
+def test_the_function_plays_what_its_command_writes(tmp_path):
+    options = ["--attack", "sr_0=bad-mouthing:start=3", "--games", "2", "--model", "mean"]
+    written, printed = play(tmp_path, *options)
+    results = play_games(
+        attacks=["sr_0=bad-mouthing:start=3"], games=2, model="mean", max_cycles=12
+    )
+    assert results.data() == written
+    for cell in (cell for row in results.table()[1] for cell in row if "±" in cell):
+        assert cell in printed
+        assert cell in results._repr_markdown_()
+
+
+def test_policies_are_attacks_too():
+    liar = BadMouthing(start=3)
+    results = play_games(attacks={"sr_0": liar}, max_cycles=12)
+    named = play_games(attacks=["sr_0=bad-mouthing:start=3"], max_cycles=12)
+    assert results.data() == named.data()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"games": 0}, ("games", 0)),
+        ({"games": 2.5}, ("games", 2.5)),
+        ({"seed": -1}, ("seed", -1)),
+        ({"model": []}, ("model",)),
+        ({"model": ["mean", "mean"]}, ("mean",)),
+        ({"lam": float("nan")}, ("lam", "nan")),
+    ],
+)
+def test_the_function_refuses_what_is_not_allowed(arguments, words):
+    with refuses(ValueError, *words):
+        play_games(**arguments)
 
 
 def test_own_model_and_attacker(tmp_path, monkeypatch):
@@ -213,7 +237,7 @@ def test_video(tmp_path):
             ["--set", "lam=0.6", "--model", "role-trust:lam=0.8"],
             ("role-trust:lam=0.8", "--set lam=0.6"),
         ),
-        (["--model", "mean", "--model", "mean"], ("twice",)),
+        (["--model", "mean", "--model", "mean"], ("model", "mean")),
         (["--model", "mine"], ("roletrust_env.trust_models",)),
         (["--model", "no_such:Mean"], ("no_such:Mean",)),
         (["--model", "roletrust_baselines:OnOff"], ("roletrust_baselines:OnOff", "TrustModel")),
@@ -261,7 +285,7 @@ def test_identities_in_reserve_count_as_their_attackers(tmp_path):
     )
     short, out = ["--set", "max_cycles=30"], tmp_path / "out"
     for attack, seats in (("sp_*=on-off", 4), ("sp_3=whitewashing:reserve=2", 1)):
-        printed("play", mine, "--attack", attack, "--games", "3", *short, "--out", out, "--force")
+        printed("play", mine, "--attack", attack, "--games", "3", *short, "--out", out)
         results = json.loads((out / "results.json").read_text())
         assert len(results["attackers"]) == seats
     groups = results["measured"]["role-trust"]["groups"]

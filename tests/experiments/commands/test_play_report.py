@@ -1,19 +1,15 @@
 import json
-import shlex
 
 import numpy as np
 import pytest
-from command_line import TINY, play, printed, run
-from refusals import assert_names
+from command_line import TINY, play, run
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, make_scenario, metrics
-from roletrust_env.evaluation.curves import Curves
+from roletrust_env.evaluation.curves import Curves, record_curves
+from roletrust_env.evaluation.groups import under_attack
 from roletrust_env.metrics.confidence import over_games
 from roletrust_env.world.roster import Roster
-from roletrust_experiments.commands.console import errors, progress_bar
-from roletrust_experiments.playing.games import track_curves
-from roletrust_experiments.playing.group_measures import under_attack
 
 
 def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):
@@ -36,10 +32,7 @@ def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):
     joint_policies = [
         JointPolicy(game, attackers) for attackers in ({"sr_2": BadMouthing(start=4, stop=7)}, {})
     ]
-    with progress_bar(errors) as progress:
-        curves, twin = (
-            track_curves(joint_policy, 0, progress, "", games=3) for joint_policy in joint_policies
-        )
+    curves, twin = (record_curves(joint_policy, 0, games=3) for joint_policy in joint_policies)
     scores = {
         "AUC under the attack, sr": metrics.auc(curves.trust[4:7, :3].mean(axis=0), [2]),
         "AUC at the end, sr": metrics.auc(curves.trust[-1, :3], [2]),
@@ -74,23 +67,6 @@ def test_what_is_undefined_is_null_with_the_reason(tmp_path, window, undefined):
     } == undefined
     for name, why in undefined.items():
         assert f"{name}: undefined: {why}" in printed.replace("\n", " ")
-
-
-@pytest.mark.parametrize("out", [[], ["--out", "my games"]])
-def test_an_attack_in_words_and_what_comes_next(tmp_path, monkeypatch, out):
-    """The line plays the same games, in the same folder."""
-    monkeypatch.chdir(tmp_path)
-    result = run(
-        "play", *TINY, "--attack", "sr_2=bad-mouthing:start=4", "--games", "2", "--seed", "3", *out
-    )
-    (folder,) = (file.parent for file in tmp_path.rglob("results.json"))
-    harm = json.loads((folder / "results.json").read_text())["measured"]["role-trust"]["damage"][
-        "all 5 honest"
-    ]["mean"]
-    assert f"role-trust: the attack costs honest agents {harm:.3f}" in result.output
-    (line,) = (line for line in result.output.splitlines() if line.startswith("Next: "))
-    printed(*shlex.split(line)[2:])
-    assert (folder / "play.mp4").stat().st_size > 1000
 
 
 def test_detection_is_that_of_the_attack_s_own_rounds_and_of_the_end():
@@ -166,8 +142,6 @@ def test_json_is_all_that_is_printed(tmp_path, monkeypatch):
         == json.loads(kept.stdout)
         == json.loads((tmp_path / "out/results.json").read_text())
     )
-    assert run(*asked, "--video").exit_code == 2
-    assert_names(run(*asked, "--video").stderr, "--video")
 
 
 def test_an_interrupt_of_a_video_is_one_line_and_keeps_the_results(tmp_path, monkeypatch):

@@ -7,23 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import printed
-from refusals import assert_names
-from report_run import SUITE, board_of, random_cells, small_suite, write_run
+from refusals import assert_names, refuses
+from report_run import SUITE, random_cells, small_suite, write_run
 
-from roletrust_env.benchmarking.suite import Cell
+from roletrust_env.benchmarking.leaderboard import Leaderboard
+from roletrust_env.benchmarking.replay import Replay, replay
 from roletrust_env.evaluation.agreed import AgreedScripts
-from roletrust_env.evaluation.attackers import read_record, record_of
-from roletrust_experiments.playing.replay import Replay
+from roletrust_env.evaluation.attackers import record_of
 
 
 def replayed(folder: Path, model: str, rule: str, setting: str, world: int) -> Replay:
-    case = board_of(folder / "results.sqlite").worst_cases[model, rule, setting]
-    cell = Cell(model, rule, setting, "scripts")
-    return Replay.of(SUITE, cell, read_record(case.record), world)
+    file = folder / "results.sqlite"
+    return replay(file, model=model, rule=rule, setting=setting, world=world)
 
 
 def test_every_worst_case_has_the_scores_of_the_file_again(folder: Path) -> None:
-    cases = board_of(folder / "results.sqlite").worst_cases
+    cases = Leaderboard.read(folder / "results.sqlite").worst_cases
     attacked = {key: case for key, case in cases.items() if SUITE.settings[key[2]].roles}
     assert len(attacked) == 18
     for (model, rule, setting), case in attacked.items():
@@ -39,11 +38,11 @@ def test_every_worst_case_has_the_scores_of_the_file_again(folder: Path) -> None
 
 def test_honest_games_are_those_of_honest_play(folder: Path) -> None:
     found = replayed(folder, "mean", "common", "raters", 1)
-    cell = Cell("mean", "common", "raters", "scripts")
-    honest = Replay.of(SUITE, cell, AgreedScripts(), 1)
-    assert found.honest.skill == honest.attacked.skill == honest.honest.skill
-    assert found.honest.received == pytest.approx(honest.attacked.received)
+    game, consumers = found.task.game, len(found.task.game.roster.rater_names)
     assert found.attacked.skill < found.honest.skill
+    assert found.honest.received.mean() > found.attacked.received.mean()
+    assert found.honest.received.shape == (game.scenario.max_cycles, SUITE.games)
+    assert consumers > 0
 
 
 def test_the_states_are_those_of_the_game_that_was_measured(folder: Path) -> None:
@@ -74,8 +73,8 @@ def test_the_command_plays_the_worst_setting_of_the_first_model(
     folder: Path, tmp_path: Path, rule: str
 ) -> None:
     file = folder / "results.sqlite"
-    row = next(row for row in board_of(file).rows if row.rule == rule)
-    case = board_of(file).worst_cases[row.model, row.rule, row.worst_setting]
+    row = next(row for row in Leaderboard.read(file).rows if row.rule == rule)
+    case = Leaderboard.read(file).worst_cases[row.model, row.rule, row.worst_setting]
     made = printed("replay", file, "--rule", rule, "--out", tmp_path)
     for word in (row.model, row.worst_setting, case.attack, f"{case.scores['skill'].min():.3f}"):
         assert word in made
@@ -84,10 +83,12 @@ def test_the_command_plays_the_worst_setting_of_the_first_model(
 
 
 def test_a_video_shows_a_game(folder: Path, tmp_path: Path) -> None:
-    options = "--model", "mean", "--setting", "raters", "--world", 2, "--video"
+    options = "--model", "mean", "--setting", "raters", "--video"
     made = printed("replay", folder / "results.sqlite", *options, "--out", tmp_path)
-    skill = board_of(folder / "results.sqlite").worst_cases["mean", "common", "raters"].scores
-    assert f"{skill['skill'][2]:.3f}" in made
+    skill = (
+        Leaderboard.read(folder / "results.sqlite").worst_cases["mean", "common", "raters"].scores
+    )
+    assert f"{skill['skill'].min():.3f}" in made
     assert {path.name for path in tmp_path.iterdir()} == {"replay.png", "game.mp4", "game.png"}
 
 
@@ -107,11 +108,11 @@ def test_a_file_with_other_numbers_is_reported(folder: Path, tmp_path: Path) -> 
     other.write_bytes((folder / "results.sqlite").read_bytes())
     with sqlite3.connect(other) as connection:
         connection.execute("UPDATE attacks SET measured = replace(measured, '0.', '0.0')")
-    options = "--model", "mean", "--setting", "raters", "--world", 0, "--out", tmp_path / "out"
+    options = "--model", "mean", "--setting", "raters", "--out", tmp_path / "out"
     made = printed("replay", other, *options)
-    key = "mean", "common", "raters"
-    for file in (other, folder / "results.sqlite"):
-        skill = board_of(file).worst_cases[key].scores["skill"][0]
+    found = replay(other, model="mean", setting="raters")
+    assert not found.agrees
+    for skill in (found.attacked.skill, found.case.scores["skill"][found.world]):
         assert f"{skill:.6f}" in made
 
 
@@ -121,7 +122,6 @@ def test_a_file_with_other_numbers_is_reported(folder: Path, tmp_path: Path) -> 
         (["--model", "means"], ["means", "common"]),
         (["--model", "mean", "--rule", "own"], ["mean", "own"]),
         (["--setting", "clean"], ["clean", "raters-open"]),
-        (["--world", "3"], ["world", 3, 2]),
     ],
 )
 def test_what_cannot_be_played_again_is_refused(
@@ -130,6 +130,11 @@ def test_what_cannot_be_played_again_is_refused(
     made = printed("replay", folder / "results.sqlite", *options, "--out", tmp_path / "out", code=2)
     assert_names(made, *words)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_world_that_was_not_measured_is_refused(folder: Path) -> None:
+    with refuses(ValueError, "world", 3, 2):
+        replay(folder / "results.sqlite", world=3)
 
 
 def test_code_of_a_file_is_imported_on_demand_alone(

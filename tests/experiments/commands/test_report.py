@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from command_line import printed
 from refusals import assert_names
-from report_run import SHOWN, SUITE, board_of, lines, random_cells, small_suite, write_run
+from report_run import SHOWN, SUITE, lines, random_cells, small_suite, write_run
 
-from roletrust_env.benchmarking.leaderboard import COLUMNS
+from roletrust_env.benchmarking.leaderboard import COLUMNS, Leaderboard
 from roletrust_env.evaluation.specs import is_own_model
 
 
@@ -22,7 +22,7 @@ def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:
         document = (folder / "out" / f"{name}.pdf").read_bytes()
         assert b"/Type3" not in document
         assert b"/FontFile2" in document  # the font itself, as TrueType
-    board = board_of(folder / "results.sqlite")
+    board = Leaderboard.read(folder / "results.sqlite")
     for line, row in zip(lines(folder, "leaderboard"), board.rows, strict=True):
         assert (line["model"], line["rule"], int(line["rank"])) == (row.model, row.rule, row.rank)
         for name in ("worst", "gain", "clean"):
@@ -37,7 +37,7 @@ def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:
 
 def test_regimes_compare_settings_with_both_kinds_of_reports(folder: Path) -> None:
     rows = lines(folder, "regimes")
-    board = board_of(folder / "results.sqlite")
+    board = Leaderboard.read(folder / "results.sqlite")
     assert [(row["model"], row["rule"]) for row in rows] == [
         (row.model, row.rule) for row in board.rows
     ]
@@ -67,7 +67,7 @@ def test_a_run_without_pairs_of_settings_has_no_regimes(tmp_path: Path) -> None:
 
 
 def test_a_curve_is_the_regret_of_the_rounds_of_the_worst_case(folder: Path) -> None:
-    board, rows = board_of(folder / "results.sqlite"), lines(folder, "curves")
+    board, rows = Leaderboard.read(folder / "results.sqlite"), lines(folder, "curves")
     longest = max(world.max_cycles for world in SUITE.worlds.worlds("measured"))
     assert len(rows) == 3 * len(SUITE.entrants)
     for row in rows:

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env import Policy, metrics
+from roletrust_env import metrics
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.game.policy import WindowedAttack, policy_name
+from roletrust_env.game.policy import Policy, WindowedAttack, policy_name
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.metrics.score import Score, mean_or_nan
 from roletrust_env.world.group import Role
