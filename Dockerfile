@@ -4,7 +4,7 @@ WORKDIR /roletrust
 COPY . .
 RUN pip install --no-cache-dir --constraint constraints.txt '.[manager]'
 USER nobody
-ENTRYPOINT ["roletrust", "serve"]
+ENTRYPOINT ["roletrust", "manager", "serve"]
 
 # The environment of `make run` and `make test`: docker build -t roletrust . && docker run --rm roletrust
 # Their marks are made here, so that neither installs anything when it runs.

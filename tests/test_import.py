@@ -31,12 +31,11 @@ LIVE = {"cyclonedds", "rosbags", "cryptography"}
         ),
         ("import roletrust_agents, roletrust_baselines", set()),
         (
-            "import roletrust_manager.dds.nodes.manager_node, "
-            "roletrust_experiments.commands.live.nodes",
+            "import roletrust_manager.robots.manager, roletrust_experiments.commands.robots.nodes",
             {"rich", "typer", *LIVE},
         ),
     ],
-    ids=["import", "play", "players", "live manager"],
+    ids=["import", "play", "players", "robots manager"],
 )
 def test_no_heavy_package_is_imported(statement: str, needed: set[str]) -> None:
     heavy = {
@@ -152,7 +151,7 @@ from roletrust_experiments.cli import app
 for name, command in typer.main.get_command(app).commands.items(): command.loaded; print(name)"""  # noqa: E501
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert shown.returncode == 0, shown.stderr
-    assert len(shown.stdout.split()) == 16
+    assert len(shown.stdout.split()) == 14
 
 
 def test_without_extras_public_names_are_those_that_can_be_imported() -> None:

@@ -105,7 +105,7 @@ def test_a_command_that_is_not_there_is_found():
         ("roletrust play --attck sr_2=bad-mouthing", "--attck"),
         ("roletrust play --attack sr_2=bad-mouting", "attack sr_2=bad-mouting"),
         ("roletrust benchmark --suite standrd", "suite standrd"),
-        ("roletrust live demonstrate", "demonstrate"),
+        ("roletrust robots demonstrate", "demonstrate"),
         ("roletrust train RaterAttack --steps few", "valid integer"),
         ("make tests", "no targets"),
         ("pip install -e '.[everything]'", "no extras"),

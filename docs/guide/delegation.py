@@ -1,7 +1,7 @@
 """Agents without a language model that delegate by trust: `python docs/guide/delegation.py
 http://127.0.0.1:8000`.
 
-The consumer, ann, has the tools of `roletrust mcp`. Two workers, each a process of its own,
+The consumer, ann, has the tools of `roletrust manager mcp`. Two workers, each a process of its own,
 multiply; one of them is often wrong. Before each task ann asks how far each worker can be trusted.
 It gives the task to one that nobody has rated, else to the most trusted, checks the product, and
 rates the work.
@@ -42,7 +42,7 @@ def work(url: str, keys: Path, name: str) -> None:
 async def delegate(url: str, keys: Path, tasks: int, pause_s: float) -> list[str]:
     """Give tasks to workers, by trust, and return who got them."""
     own = StdioServerParameters(
-        command="roletrust", args=["mcp", url, "--name", "ann", "--keys", str(keys)]
+        command="roletrust", args=["manager", "mcp", url, "--name", "ann", "--keys", str(keys)]
     )
     chosen: list[str] = []
     async with AsyncExitStack() as stack:

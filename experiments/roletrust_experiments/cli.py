@@ -33,11 +33,9 @@ _HERE = "roletrust_experiments.commands"
         "rate": f"{_HERE}.rate:rate",
         "compare": f"{_HERE}.compare:compare",
         "audit": f"{_HERE}.audit:audit",
-        "serve": f"{_HERE}.serve:serve",
-        "mcp": f"{_HERE}.mcp:mcp",
         "manager": f"{_HERE}.manager:manager",
         "figures": f"{_HERE}.figures:figures",
-        "live": f"{_HERE}.live.app:live",
+        "robots": f"{_HERE}.robots.app:robots",
     }
 )
 def app(

@@ -67,7 +67,7 @@ _BESIDE = {
     "--video, or render_mode=... in Python": "render render_mode",
     "like=... in Python": "like dtype device",
     "engine=... in Python": "engine compiled backend",
-    "--speed of `roletrust live`": "speed",
+    "--set of `roletrust robots`": "speed",
 }
 """What stands beside a scenario, by option or argument, and names by which it may be known."""
 

@@ -11,7 +11,7 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
 
 def read_key(path):
-    """Return the private key in a file of `roletrust live keys`."""
+    """Return the private key in a file of `roletrust robots keys`."""
     return load_pem_private_key(Path(path).read_bytes(), password=None)
 
 

@@ -19,6 +19,6 @@ def require(what: str, extra: str, *modules: str) -> None:
         raise ValueError(f"{what} needs {', '.join(missing)}: pip install 'roletrust-env[{extra}]'")
 
 
-def require_live() -> None:
-    """Check before the work that the packages of live nodes are installed."""
-    require("roletrust live", "robots", "cyclonedds", "rosbags", "cryptography", "cv2")
+def require_robots() -> None:
+    """Check before the work that the packages of a team's nodes and its page are installed."""
+    require("roletrust robots", "robots", "cyclonedds", "rosbags", "cryptography", "cv2", "bokeh")

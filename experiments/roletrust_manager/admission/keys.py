@@ -108,7 +108,7 @@ class Signer:
     def __init__(self, folder: Path, name: str) -> None:
         path = folder / f"{name}{_PRIVATE}"
         if not path.exists():
-            raise ValueError(f"there is no private key {path}; `roletrust live keys` makes one")
+            raise ValueError(f"there is no private key {path}; `roletrust robots keys` makes one")
         if path.stat().st_mode & 0o077:
             raise ValueError(
                 f"{path} can be read by others; restrict it to its owner with `chmod 600 {path}`"
@@ -160,12 +160,12 @@ class PublicKeys(KnownKeys):
         )
         if not self._keys:
             raise ValueError(
-                f"there is no public key in {folder}; `roletrust live keys` makes some"
+                f"there is no public key in {folder}; `roletrust robots keys` makes some"
             )
         missing = [name for name in needed if name not in self._keys]
         if missing:
             raise ValueError(
-                f"there is no public key of {', '.join(missing)} in {folder}; `roletrust live "
+                f"there is no public key of {', '.join(missing)} in {folder}; `roletrust robots "
                 "keys` makes it"
             )
 

@@ -21,7 +21,7 @@ from roletrust_env.trust.edges import runs_on_edges
 from roletrust_env.trust.grid_run import check_grid_memory
 from roletrust_env.trust.model import TrustModel
 from roletrust_env.trust.run import make_run
-from roletrust_manager.http.requests import MICROSECONDS
+from roletrust_manager.http.requests import MICROSECONDS, Settings
 from roletrust_manager.journal.sql import JournalStore, events
 
 _ROLES: tuple[Role, ...] = ("ratee", "rater")
@@ -128,9 +128,7 @@ class JournalTrust:
     Args:
         store: Journal, which need not be open yet.
         model: Trust model.
-        every: Length of a round, seconds.
-        scale: Worst and best rating.
-        same_agents: Whether the rater and the provider of a name are one agent.
+        settings: Length of a round, scale and roles of the manager.
 
     Attributes:
         rates_raters: Whether the model has trust in raters.
@@ -140,34 +138,25 @@ class JournalTrust:
             read them.
 
     Raises:
-        ValueError: The scale or the length of a round is not allowed.
+        ValueError: The best rating of the scale is not above the worst.
     """
 
-    def __init__(
-        self,
-        store: JournalStore,
-        model: TrustModel[Any],
-        every: float,
-        scale: tuple[float, float],
-        *,
-        same_agents: bool,
-    ) -> None:
-        check_scale(scale)
-        self._length = nanoseconds("every", every)
-        self._store, self._model = store, model
-        self._every, self._scale, self._same_agents = every, scale, same_agents
-        self._settings: dict[str, Any] = {
-            "every": every,
-            "scale": scale,
-            "same_agents": same_agents,
+    def __init__(self, store: JournalStore, model: TrustModel[Any], settings: Settings) -> None:
+        check_scale(settings.scale)
+        self._length = nanoseconds("every", settings.every)
+        self._store, self._model, self._settings = store, model, settings
+        self._of_stream: dict[str, Any] = {
+            "every": settings.every,
+            "scale": settings.scale,
+            "same_agents": settings.same_agents,
             "keep_evidence": True,
         }
         self._stream = None
         if runs_on_edges(self._model):
-            self._stream = TrustStream(self._model, **self._settings)
+            self._stream = TrustStream(self._model, **self._of_stream)
         self.rounds = self.counted = self.n_counted = 0
         self.rates_raters: bool = self._model.rates_raters
-        newcomer = make_run(self._model, (1, 1), one_role=not same_agents)
+        newcomer = make_run(self._model, (1, 1), one_role=not settings.same_agents)
         self._newcomer = {
             "ratee": float(newcomer.provider_trust[0]),
             "rater": float(newcomer.rater_trust[0]),
@@ -198,7 +187,7 @@ class JournalTrust:
                 with TemporaryDirectory() as folder:
                     path = Path(folder) / "stream"
                     path.write_bytes(stored.stream)
-                    self._stream = TrustStream.load(path, self._model, **self._settings)
+                    self._stream = TrustStream.load(path, self._model, **self._of_stream)
             except (ValueError, OSError):
                 return False
         self.rounds, self.counted, self.n_counted, self._start, self._first, _ = stored
@@ -276,7 +265,7 @@ class JournalTrust:
     def _rank(self) -> int:
         """Rank the agents by the ratings that count, and return the number of rounds."""
         stream = self._stream or TrustStream.of_log(
-            self._model, self._log(), every=self._every, keep_evidence=True
+            self._model, self._log(), every=self._settings.every, keep_evidence=True
         )
         stream.finish()
         self.rankings = {role: Ranking(stream.evidence(role)) for role in _ROLES}
@@ -303,18 +292,18 @@ class JournalTrust:
         )
         if name not in names or (agent := names.index(name)) not in agents:
             return None
-        return explain(self._model, log, log_rounds(log, self._every), role, agent)
+        return explain(self._model, log, log_rounds(log, self._settings.every), role, agent)
 
     def _log(self) -> Log:
         """Return the ratings that count."""
         rows = self._store.rows(self._ratings(until=self.counted))
         raters = NameIndex("raters")
-        ratees = raters if self._same_agents else NameIndex("ratees")
+        ratees = raters if self._settings.same_agents else NameIndex("ratees")
         i, j = (
             index.places(index.check([row[side] for row in rows]))
             for side, index in enumerate((raters, ratees), 1)
         )
-        values = unit_ratings(np.array([row.rating for row in rows]), self._scale)
+        values = unit_ratings(np.array([row.rating for row in rows]), self._settings.scale)
         times = np.array([row.time for row in rows]) * 1000
         names = raters.names
         return Log(i, j, values, times, names, names if raters is ratees else ratees.names)

@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from functools import partial
 from hashlib import sha256
 from importlib.metadata import version
@@ -49,7 +50,6 @@ MOST_ROWS = 10_000
 
 _log = logging.getLogger(__name__)
 _VERSION = version("roletrust-env")
-_LONGEST = 10**9  # seconds of a round or of a tolerance
 _AHEAD_S = 10.0  # of which the operator is told
 _KEPT_EVERY, _FEW = 50_000, 10_000  # events; a replay of a few takes no time
 
@@ -89,9 +89,6 @@ class TrustManager:
         make: Callable[[str], TrustModel[Any]] = partial(parse_named, registry),  # noqa: B008 - immutable
         monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
-        for length in ("every", "tolerance"):
-            if not 0 <= (value := getattr(settings, length)) <= _LONGEST:
-                raise ValueError(f"{length} is {value:g} s; it must be from 0 to {_LONGEST:,} s")
         self._store, self._model, self.settings = store, model, settings
         self._clock, self._monotonic, self._read_at = clock, monotonic, monotonic()
         self._made = make(model)
@@ -110,8 +107,7 @@ class TrustManager:
         once all that can be checked without it has been. Nothing changes if it cannot be read.
         """
         settings, store = self.settings, self._store
-        every, scale, same_agents = settings[:3]
-        trust = JournalTrust(store, self._made, every, scale, same_agents=same_agents)
+        trust = JournalTrust(store, self._made, settings)
         store.open()
         members, tree = Members(settings, store.name), MerkleTree()
         members.admission.refusals = self.refusals
@@ -163,13 +159,18 @@ class TrustManager:
     @property
     def _about(self) -> dict[str, Any]:
         """Settings on which a snapshot depends."""
-        every, scale, same_agents = self.settings[:3]
-        about = {"model": repr(self._made), "every": every, "scale": list(scale)}
+        settings = self.settings
+        about = {
+            "model": repr(self._made),
+            "every": settings.every,
+            "scale": list(settings.scale),
+            "same_agents": settings.same_agents,
+        }
         try:
             code = sha256(Path(getfile(type(self._made))).read_bytes()).hexdigest()
         except (OSError, TypeError):  # a class without a file, whose snapshots never fit
             code = token_hex()
-        return {**about, "same_agents": same_agents, "version": _VERSION, "code": code}
+        return {**about, "version": _VERSION, "code": code}
 
     def _keep(self) -> None:
         """Write a snapshot, if the store is a file and the disk has room; without it a restart
@@ -409,7 +410,7 @@ class TrustManager:
             "name": self.name,
             "key": verifier_key(self._store.origin, self._store.key.public_key()),
             "model": self._model,
-            **self.settings._asdict(),
+            **asdict(self.settings),
             "version": _VERSION,
             "agents": len(self._members.by_name),
             "ratings": self._ratings,

@@ -1,10 +1,13 @@
 """Requests to a trust manager, their receipts and their refusals, and its settings."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+from pydantic import Field, FiniteFloat, NonNegativeInt, PositiveInt, ValidationError
 
+from roletrust_env.errors import validation_message
+from roletrust_env.parameters import checked_dataclass
 from roletrust_manager.admission.keys import is_forgeable
 from roletrust_manager.admission.validation import Envelope, RefusalReason
 from roletrust_manager.http.tokens import (
@@ -53,26 +56,43 @@ class Signed(NamedTuple):
     envelope: Envelope
 
 
-class Settings(NamedTuple):
+@checked_dataclass
+class Settings:
     """Settings of a manager.
 
     Attributes:
-        every: Length of a round, seconds.
-        scale: Worst and best rating.
+        every: Length of a round, seconds, from 1 to 10**9.
+        scale: Worst and best rating, two finite numbers.
         same_agents: Whether the rater and the provider of a name are one agent.
-        work: Zero bits of the proof of work of a newcomer, see `has_work`.
-        quota: Number of ratings that an agent may send in a round.
-        newcomers: Number of agents that may register in a round.
-        tolerance: Largest difference between the time of signing and the clock, seconds.
+        work: Zero bits of the proof of work of a newcomer, from 0 to 64, see `has_work`.
+        quota: Number of ratings that an agent may send in a round, 1 or more.
+        newcomers: Number of agents that may register in a round, 0 or more.
+        tolerance: Largest difference between the time of signing and the clock, seconds, from 0 to
+            10**9.
+
+    Raises:
+        ValueError: A setting is not allowed.
     """
 
-    every: float = 60.0
-    scale: tuple[float, float] = (0.0, 1.0)
+    every: Annotated[float, Field(ge=1, le=1e9)] = 60.0
+    scale: tuple[FiniteFloat, FiniteFloat] = (0.0, 1.0)
     same_agents: bool = True
-    work: int = 16
-    quota: int = 1000
-    newcomers: int = 100
-    tolerance: float = 60.0
+    work: Annotated[int, Field(ge=0, le=64)] = 16
+    quota: PositiveInt = 1000
+    newcomers: NonNegativeInt = 100
+    tolerance: Annotated[float, Field(ge=0, le=1e9)] = 60.0
+
+
+def make_settings(**settings: Any) -> Settings:
+    """Return the settings of a manager from keyword arguments, see `Settings`.
+
+    Raises:
+        ValueError: A setting is not allowed; the message is one line.
+    """
+    try:
+        return Settings(**settings)
+    except ValidationError as error:
+        raise ValueError(validation_message(error)) from None
 
 
 class Request(NamedTuple):

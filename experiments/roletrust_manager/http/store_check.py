@@ -1,6 +1,9 @@
 """Check of a store by anybody who has a copy: signatures, order and trust."""
 
 from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -48,28 +51,36 @@ class CheckedStore(NamedTuple):
 
 
 def check_store(
-    store: JournalStore,
+    path: Path,
     model: TrustModel[Any],
-    settings: Settings,
-    keys: Mapping[str, Ed25519PublicKey],
+    settings: Settings = Settings(),  # noqa: B008 - immutable
+    keys: Mapping[str, Ed25519PublicKey] = MappingProxyType({}),
 ) -> CheckedStore:
     """Check that each event was signed by its agent and is as its token says, that none is missing,
     and compute trust.
 
     Args:
-        store: Store that no manager uses, such as a backup. It is opened.
+        path: Store that no manager uses, such as a backup.
         model: Trust model.
         settings: Length of a round, scale and roles of the manager.
         keys: Public keys that agents have or had, which are known otherwise, by name.
 
     Raises:
-        ValueError: A setting is not allowed.
+        ValueError: The scale is not allowed.
         StoreError: The store cannot be read, or is damaged.
     """
-    trust = JournalTrust(
-        store, model, settings.every, settings.scale, same_agents=settings.same_agents
-    )
-    store.open()
+    with closing(JournalStore(str(path))) as store:
+        trust = JournalTrust(store, model, settings)
+        store.open()
+        return _check_events(store, trust, settings, keys)
+
+
+def _check_events(
+    store: JournalStore,
+    trust: JournalTrust,
+    settings: Settings,
+    keys: Mapping[str, Ed25519PublicKey],
+) -> CheckedStore:
     members, tree, seq, end = Members(settings, store.name), MerkleTree(), 0, 0.0
     seen, unknown = set[str](), dict[str, int]()  # agents whose known key has not come yet
     for event in store.history():

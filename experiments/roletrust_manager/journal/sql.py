@@ -140,7 +140,9 @@ class JournalStore:
             try:
                 url = make_url(address)
             except ArgumentError:
-                raise ValueError(f"the address of the store is {address!r}; see --store") from None
+                raise ValueError(
+                    f"the store is {address!r}; it must be a file of SQLite, or postgresql://..."
+                ) from None
             self._shown = url.render_as_string(hide_password=True)
             if url.drivername != "postgresql":
                 raise ValueError(

@@ -4,7 +4,7 @@ viewers share.
 
 import os
 import socket
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -221,21 +221,18 @@ def run_view_server(
     speed: float = 1.0,
     attackers: Collection[str] = (),
     network: bool = False,
-    take: Callable[[], object] = lambda: None,
 ) -> None:
     """Serve the page of a team until a signal ends the process. The process has a lower priority
     than the robots.
 
     Args:
-        listening: Listening socket, see `WaitingPage`.
+        listening: Listening socket, see `open_page`.
         period_s: Time between rounds, seconds.
         team: Agents of the scenario.
         keys: Folder with the public keys of the team and the manager; None shows unsigned messages.
         speed: Speed relative to the scenario's clock.
         attackers: Names to mark as attackers.
         network: See `Node`.
-        take: Function that ends the answers of another server on the socket; it is called when the
-            page is ready.
 
     Raises:
         ValueError: A key does not exist.
@@ -247,8 +244,6 @@ def run_view_server(
     )
     dashboard = Dashboard(listener, period_s, speed, attackers)
     try:
-        make_page(dashboard, Document())  # what takes long the first time
-        take()
         server = serve(dashboard, listening)
         with run_until_signal() as active:
             PeriodicCallback(lambda: None if active else server.io_loop.stop(), _POLL_MS).start()

@@ -11,13 +11,13 @@ from domains import own_dds_domain
 from fake_wire import FixedSigner
 
 from roletrust_env.trust import make_trust_model
-from roletrust_experiments.commands.live.processes import node_context
 from roletrust_manager.admission.keys import Signer, make_keys
 from roletrust_manager.admission.validation import MANAGER
 from roletrust_manager.dds.nodes.manager_node import run_manager_node
 from roletrust_manager.dds.nodes.run_loop import run_with_parent
 from roletrust_manager.dds.wire import messages
 from roletrust_manager.dds.wire.dds import Node
+from roletrust_manager.robots.processes import node_context
 from roletrust_manager.team import Team
 
 PERIOD = 250_000_000

@@ -37,8 +37,8 @@ def frames(tmp_path):
 @pytest.mark.parametrize("own", [True, False], ids=["of the scenario", "of the node"])
 def test_a_camera_goes_on_after_the_rounds_of_its_scenario(own, machine, frames):
     machine.after = [(40, end)]
-    theirs = SHORT.change(service="hog", frames=str(frames), playback="loop")
-    given = {"scenario": theirs} if own else {"frames": frames, "loop": True}
+    theirs = SHORT.change(service="hog", frames=str(frames), playback="once")
+    given = {"scenario": theirs} if own else {"frames": frames}
     assert machine.runs(run_camera_node, "sp_0", **given) == list(range(40))
     assert machine.lines == ["sp_0: runs until Ctrl-C"]
     pictures = [bytes(message.data) for message in machine.wire.sent]
@@ -85,12 +85,6 @@ def test_a_signal_before_the_end_is_no_end_of_the_rounds(machine, frames):
     assert len(machine.lines) == 1
 
 
-@pytest.mark.parametrize(("rounds", "words"), [(None, ("4",)), (5, ("4", "5"))])
-def test_pictures_that_end_before_the_rounds_are_refused(rounds, words, machine, frames):
-    with refuses(ValueError, *words):
-        machine.runs(run_camera_node, "sp_0", frames=frames, rounds=rounds)
-
-
 def test_a_camera_that_stood_still_goes_on_with_the_present_round(machine, frames):
     """A suspended machine or a clock that is set forward; a picture of each lost round once blocked
     the camera."""
@@ -99,7 +93,7 @@ def test_a_camera_that_stood_still_goes_on_with_the_present_round(machine, frame
         machine.now += 7200 * PERIOD
 
     machine.after = [(3, stand_still), (6, end)]
-    played = machine.runs(run_camera_node, "sp_0", frames=frames, loop=True)
+    played = machine.runs(run_camera_node, "sp_0", frames=frames)
     assert played == [0, 1, 2, 7202, 7203, 7204]
 
 
@@ -112,7 +106,7 @@ def test_a_policy_plays_in_all_rounds(machine, frames):
             return np.asarray(1.0), memory
 
     machine.after = [(10, end)]
-    machine.runs(run_camera_node, "sp_0", frames=frames, loop=True, policy=Later())
+    machine.runs(run_camera_node, "sp_0", frames=frames, policy=Later())
     assert qualities[:10] == list(range(10))
 
 
@@ -144,13 +138,18 @@ def test_the_first_picture_of_a_camera_that_is_back_is_rated(late, back, machine
     assert rated == {r: 2 if 3 < r <= 3 + back else 3 for r in range(1, rounds + 1)}
 
 
-@pytest.mark.parametrize("name", ["sp_0", "sr_0"])
-def test_the_command_ends_after_its_rounds_with_status_0(name, machine):
-    done = CliRunner().invoke(app, ["live", "agent", name, "--rounds", "3"])
+@pytest.mark.parametrize(
+    ("name", "kind", "speed"), [("sp_0", messages.IMAGE, 2), ("sr_0", messages.RATINGS, 1)]
+)
+def test_the_command_runs_until_a_signal(name, kind, speed, machine):
+    send_pictures(machine, {"sp_0": 0.0, "sp_1": 0.0, "sp_2": 0.0})
+    machine.after = [(4, end)]
+    settings = ["--set", f"speed={speed}", "--set", "seed=1"]
+    done = CliRunner().invoke(app, ["robots", "agent", name, *settings])
     assert done.exit_code == 0, done.output
-    first, last = done.stderr.splitlines()
-    assert f"{name}: ends after 3 rounds, at 1970-01-0" in first
-    assert last == f"{name}: has ended after 3 rounds"
+    stamps = [messages.stamp_of(one) for one in machine.wire.sent if one.__msgtype__ == kind]
+    assert np.diff(stamps).tolist() == [PERIOD // speed] * (len(stamps) - 1)
+    assert len(stamps) > 1
 
 
 @pytest.fixture

@@ -49,8 +49,8 @@ def launch(monkeypatch):
 
 def parse(command):
     """Parse a command of `roletrust` without running it."""
-    assert command[:2] == ["roletrust", "live"]
-    group = typer.main.get_command(app).commands["live"].loaded
+    assert command[:2] == ["roletrust", "robots"]
+    group = typer.main.get_command(app).commands["robots"].loaded
     single = group.commands[command[2]]
     single.make_context(command[2], command[3:])
 
@@ -75,10 +75,7 @@ def test_parameters_reach_the_nodes(launch):
         model="travos",
         speed="2.0",
         network="true",
-        rounds="9",
     )
-    shared = ["--scenario", "paper-3x3", "--speed", "2.0", "--keys", "keys", "--network"]
-    assert commands == [
-        ["roletrust", "live", "agent", "sr_0", "--role", "rater", "--rounds", "9", *shared]
-    ]
+    shared = ["--set=scenario=paper-3x3", "--set=speed=2.0", "--set=network=true", "--keys", "keys"]
+    assert commands == [["roletrust", "robots", "agent", "sr_0", "--role", "rater", *shared]]
     parse(commands[0])

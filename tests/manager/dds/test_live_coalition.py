@@ -10,13 +10,13 @@ from domains import own_dds_domain
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.trust import make_trust_model
-from roletrust_experiments.commands.live.processes import NodeProcesses
 from roletrust_manager.admission.keys import make_keys
 from roletrust_manager.admission.validation import MANAGER
 from roletrust_manager.dds.nodes.agent_nodes import run_camera_node, run_rater_node
 from roletrust_manager.dds.nodes.manager_node import run_manager_node
 from roletrust_manager.dds.nodes.run_loop import Timeline
 from roletrust_manager.journal.lines import read_journal
+from roletrust_manager.robots.processes import NodeProcesses
 from roletrust_manager.team import Team
 
 pytestmark = pytest.mark.live

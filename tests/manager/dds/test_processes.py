@@ -3,7 +3,6 @@ for."""
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -20,7 +19,7 @@ HERE = Path(__file__).parent
 
 NODES = """
 from roletrust_manager.dds.nodes.run_loop import run_until_signal
-from roletrust_experiments.commands.live.processes import NodeProcesses
+from roletrust_manager.robots.processes import NodeProcesses
 
 def run(path):
     with run_until_signal() as active:
@@ -91,22 +90,20 @@ def is_running(process):
         (["agent", "sr_0"], "sr_0: runs until Ctrl-C"),
         (["agent", "sp_0"], "sp_0: runs until Ctrl-C"),
         (["record", "bag"], "record: records into bag, until Ctrl-C"),
-        (["view", "--no-browser", "--port", "0"], "until Ctrl-C"),
+        (["view", "--set", "port=0"], "Watch the team on http://localhost:"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )
-def test_no_command_waits_without_a_word(arguments, line, tmp_path):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        arguments = [str(free.getsockname()[1]) if one == "0" else one for one in arguments]
+def test_no_command_waits_without_a_word(arguments, line, tmp_path, monkeypatch):
     command = [
         sys.executable,
         "-c",
         "from roletrust_experiments import main; main()",
-        "live",
+        "robots",
         *arguments,
     ]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    monkeypatch.setenv("BROWSER", "true")  # a program that does nothing
     with own_dds_domain(), subprocess.Popen(command, cwd=tmp_path, **pipes) as process:
         patience = threading.Timer(PATIENCE_S, process.kill)
         patience.start()

@@ -16,7 +16,6 @@ from roletrust_env import make_scenario
 from roletrust_env.trust import make_trust_model
 from roletrust_env.world.group import AgentGroup
 from roletrust_env.world.roster import Roster
-from roletrust_experiments.commands.live.processes import NodeProcesses
 from roletrust_manager.admission.keys import make_keys
 from roletrust_manager.admission.validation import MANAGER
 from roletrust_manager.dds.nodes.agent_nodes import run_camera_node, run_rater_node
@@ -24,6 +23,7 @@ from roletrust_manager.dds.nodes.manager_node import run_manager_node
 from roletrust_manager.dds.nodes.run_loop import Timeline
 from roletrust_manager.dds.wire import messages
 from roletrust_manager.journal.lines import read_journal
+from roletrust_manager.robots.processes import NodeProcesses
 from roletrust_manager.team import Team
 
 pytestmark = pytest.mark.ros2

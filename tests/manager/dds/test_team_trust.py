@@ -350,7 +350,7 @@ def test_a_manager_listens_again_in_the_time_of_a_few_imports(rounds, monkeypatc
     write_snapshot(path, snapshot._replace(position=place))
     lengthen(path, rules, rounds - earlier)
     command = [sys.executable, "-c", "from roletrust_experiments import main; main()"]
-    command += ["live", "manager", str(path), "--scenario", "crowd-10x10"]
+    command += ["robots", "manager", str(path), "--set", "scenario=crowd-10x10"]
     with own_dds_domain():
         runs = partial(import_s, path), partial(listening_s, command)
         bare, listening = (min(run() for _ in range(3)) for run in runs)

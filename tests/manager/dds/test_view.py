@@ -24,7 +24,6 @@ from roletrust_manager.dds.wire import messages
 from roletrust_manager.dds.wire.dds import Node
 from roletrust_manager.journal.lines import read_journal
 from roletrust_manager.page.page import run_view_server
-from roletrust_manager.page.waiting import WaitingPage
 from roletrust_manager.team import Team
 
 pytestmark = pytest.mark.live
@@ -59,8 +58,8 @@ class Stage:
         self.robots = started(run_robots, (0, 1), TEAM.providers, self.keys, PERIOD)
         self.start_third()
         settings = {"team": TEAM, "keys": self.keys, "attackers": ("sr_2",)}
-        with WaitingPage(self.port) as page:
-            self.view = started(run_view_server, page.listening, PERIOD / 1e9, **settings)
+        with socket.create_server(("127.0.0.1", self.port)) as listening:
+            self.view = started(run_view_server, listening, PERIOD / 1e9, **settings)
 
     def start_third(self):
         """Start the robot that a test kills."""

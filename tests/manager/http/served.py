@@ -1,4 +1,4 @@
-"""A trust manager in a process of its own, as `roletrust serve --store` makes it; it starts in
+"""A trust manager in a process of its own, as `roletrust manager serve` makes it; it starts in
 milliseconds."""
 
 import os
@@ -25,14 +25,14 @@ _processes.set_forkserver_preload(
         "sqlite3",
         "uvicorn.main",
         "uvloop",
-        "roletrust_experiments.commands.serve",
+        "roletrust_manager.http.serve",
         "roletrust_manager.http.endpoints",
         "roletrust_manager.http.connections",
         "served",
     ]
 )
 _LISTENS = re.compile(r"at http://[^:]+:(\d+)")
-OPTIONS = "role-trust", "--name", NAME, "--work", 0, "--port", 0
+OPTIONS = "--name", NAME, "--set", "work=0", "--port", 0
 
 
 class Served(NamedTuple):
@@ -64,10 +64,12 @@ def _call(function: Callable[[], object], arguments: list[str], errors: Connecti
 
 
 @contextmanager
-def served(*arguments: object, function: Callable[[], object] = main) -> Iterator[Served]:
+def served(
+    store: object, *arguments: object, function: Callable[[], object] = main
+) -> Iterator[Served]:
     """A manager, or another program; at the end it is told to end, if it is not killed before."""
     ours, theirs = _processes.Pipe(duplex=False)
-    command = ["serve", *map(str, [*OPTIONS, *arguments])]
+    command = ["manager", "serve", "role-trust", *map(str, [store, *OPTIONS, *arguments])]
     process = _processes.Process(target=_call, args=(function, command, theirs))
     process.start()
     theirs.close()

@@ -15,7 +15,7 @@ from pages import HOUSE, blocks
 from refusals import assert_names
 from served import served
 
-ROUNDS = "--every", 1, "--work", 4  # seconds, and bits of the proof of work
+ROUNDS = "--every", 1  # seconds
 
 
 @pytest.mark.parametrize("url", ["http://127.0.0.1:9", "127.0.0.1:9"])
@@ -41,7 +41,7 @@ def programs(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.usefixtures("programs")
 def test_the_consumer_finds_the_better_worker(tmp_path):
-    with served("--store", tmp_path / "trust.sqlite", *ROUNDS) as manager:
+    with served(tmp_path / "trust.sqlite", *ROUNDS) as manager:
         chosen = delegation.main(
             [manager.url, "--keys", str(tmp_path / "keys"), "--tasks", "4", "--pause", "3"]
         )
@@ -53,7 +53,7 @@ def test_the_consumer_finds_the_better_worker(tmp_path):
 def test_the_agents_of_the_guide_rate_and_find_an_omission(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    with served("--store", tmp_path / "trust.sqlite", *ROUNDS) as manager:
+    with served(tmp_path / "trust.sqlite", *ROUNDS) as manager:
         for block in blocks(HOUSE / "docs/guide/manager.md", "python"):
             exec(block.replace("http://127.0.0.1:8000", manager.url), names)
     first, second = capsys.readouterr().out.splitlines()
@@ -72,7 +72,8 @@ def test_tools_outlive_the_manager(tmp_path):
         def tools(name):
             return Client(
                 StdioServerParameters(
-                    command="roletrust", args=["mcp", manager.url, "--name", name, "--keys", keys]
+                    command="roletrust",
+                    args=["manager", "mcp", manager.url, "--name", name, "--keys", keys],
                 )
             )
 
@@ -84,13 +85,13 @@ def test_tools_outlive_the_manager(tmp_path):
             manager.process.join()
             again = asyncio.create_task(delegation.call(ann, "rate", name="bob", rating=0.8))
             await asyncio.sleep(0.5)
-            with served("--store", store, *ROUNDS, "--port", manager.port):
+            with served(store, *ROUNDS, "--port", manager.port):
                 second = await again
                 await asyncio.sleep(1.5)
                 found = await delegation.call(bob, "ask", name="bob")
             return first, second, found["provider"]
 
-    with served("--store", store, *ROUNDS) as manager:
+    with served(store, *ROUNDS) as manager:
         first, second, trust = asyncio.run(use(manager))
     assert second["seq"] == first["seq"] + 1
     assert (trust["ratings"], trust["agents"]) == (2, 1)

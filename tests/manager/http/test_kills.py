@@ -83,14 +83,14 @@ async def live(manager: Served, raters: list[Rater], newcomer: Agent, load_s: fl
 def test_nothing_acknowledged_is_lost_by_kills_under_load(store: str, tmp_path: Path):
     draw = random.Random(39)
     raters, newcomers = [Rater(f"a{n}") for n in range(RATERS)], []
-    with served("--store", store, "--every", 1) as manager:
+    with served(store, "--every", 1) as manager:
         asyncio.run(register(manager.port, [rater.agent for rater in raters]))
     for kill in range(KILLS):
         newcomers.append(Agent(f"n{kill}", time.time))
-        with served("--store", store, "--every", 1) as manager:
+        with served(store, "--every", 1) as manager:
             asyncio.run(live(manager, raters, newcomers[-1], draw.uniform(*LOAD_S)))
     with (
-        served("--store", store, "--every", 1) as manager,
+        served(store, "--every", 1) as manager,
         httpx2.Client(base_url=manager.url) as client,
     ):
         for rater in raters:  # what got no answer
@@ -124,7 +124,7 @@ def test_nothing_acknowledged_is_lost_when_the_database_is_killed(tmp_path: Path
             crashes, *(rater.rate(port, names, lambda: not crashes.done()) for rater in raters)
         )
 
-    with postgres() as store, served("--store", store, "--quota", 100_000) as manager:
+    with postgres() as store, served(store, "--set", "quota=100000") as manager:
         asyncio.run(rate(manager.port))
         TrustClient(manager.url).export(tmp_path / "export.csv")
     assert check_export(tmp_path / "export.csv", raters) > RATERS

@@ -50,14 +50,12 @@ def test_a_thousand_ratings_a_second_are_acknowledged(tmp_path: Path):
     Rates and latencies are printed: `pytest -m slow -s tests/manager/http/test_load.py`.
     """
     agents = [Agent(f"a{n}", time.time) for n in range(AGENTS)]
-    options = "--every", 2, "--quota", 100_000
+    options = "--every", 2, "--set", "quota=100000"
     with ExitStack() as stack:
         servers = {
-            "bare endpoint": stack.enter_context(served(function=bare)),
-            "SQLite": stack.enter_context(served("--store", tmp_path / "trust.sqlite", *options)),
-            "PostgreSQL": stack.enter_context(
-                served("--store", stack.enter_context(postgres()), *options)
-            ),
+            "bare endpoint": stack.enter_context(served("none", function=bare)),
+            "SQLite": stack.enter_context(served(tmp_path / "trust.sqlite", *options)),
+            "PostgreSQL": stack.enter_context(served(stack.enter_context(postgres()), *options)),
         }
         managers = list(servers.values())[1:]
         for manager in managers:

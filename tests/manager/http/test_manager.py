@@ -3,6 +3,7 @@ it."""
 
 import random
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ def as_rated(manager: OneByOne, path: Path, model: str) -> None:
 def test_a_rating_after_more_silence_than_a_stream_takes_is_not_acknowledged(tmp_path: Path):
     """And the store is played again as it stands."""
     clock = Clock()
-    with managed(str(tmp_path / "s"), clock, QUICK._replace(every=1.0, tolerance=1e6)) as manager:
+    with managed(str(tmp_path / "s"), clock, replace(QUICK, every=1.0, tolerance=1e6)) as manager:
         ann, _ = joined(manager, clock, "ann", "bob")
         manager.rate([ann.rating("bob", 1)])
         clock.now += MOST - 3
@@ -72,7 +73,7 @@ def test_a_rating_after_more_silence_than_a_stream_takes_is_not_acknowledged(tmp
         with refuses(StoreError, "--every"):
             manager.rate([ann.rating("bob", 1)])
         before = standings(manager)
-    with managed(str(tmp_path / "s"), clock, QUICK._replace(every=1.0, tolerance=1e6)) as manager:
+    with managed(str(tmp_path / "s"), clock, replace(QUICK, every=1.0, tolerance=1e6)) as manager:
         assert standings(manager) == before
         assert before["bob"][0].ratings == 2
 
@@ -90,7 +91,7 @@ def test_postgresql_keeps_the_same(tmp_path: Path):
     with postgres() as address:
         check_trust(address, tmp_path, "leave-one-out")
         with managed(
-            address, clock := Clock(START + 10_000), QUICK._replace(scale=(1.0, 5.0))
+            address, clock := Clock(START + 10_000), replace(QUICK, scale=(1.0, 5.0))
         ) as manager:
             with refuses(StoreError, "postgres"):
                 JournalStore(address).open()
@@ -113,7 +114,7 @@ def check_trust(address: str, tmp_path: Path, model: str, *, same_agents: bool =
     """Check trust also after the clock went back, agents left and came back, rounds were silent,
     and each restart."""
     clock, draw = Clock(), random.Random(7)
-    settings = QUICK._replace(every=10.0, scale=(1.0, 5.0), same_agents=same_agents, tolerance=1e6)
+    settings = replace(QUICK, every=10.0, scale=(1.0, 5.0), same_agents=same_agents, tolerance=1e6)
     with managed(address, clock, settings, model) as manager:
         agents = joined(manager, clock, "null", "NaN", "true", "_1", "did:web:x.y@z+a-b", "f")
     for restart in range(2):
@@ -135,7 +136,7 @@ def check_trust(address: str, tmp_path: Path, model: str, *, same_agents: bool =
             assert manager.advance()
             as_rated(manager, tmp_path / f"{restart}.csv", model)
             assert manager.about()["counted"] == manager.about()["ratings"]
-    other = settings._replace(every=25.0)
+    other = replace(settings, every=25.0)
     clock.now += 50
     with managed(
         address, clock, other, "beta"
@@ -166,7 +167,7 @@ def test_a_round_is_told_of_once_its_trust_is_there(
 
 def test_what_is_not_valid_is_refused_and_counted(tmp_path: Path):
     clock = Clock()
-    with managed(tmp_path / "s", clock, QUICK._replace(quota=4, newcomers=5)) as manager:
+    with managed(tmp_path / "s", clock, replace(QUICK, quota=4, newcomers=5)) as manager:
         ann, bob, _ = joined(manager, clock, "ann", "bob", "cec")
         eve, stranger = Agent("ann", clock, seed=1), Agent("zoe", clock)
         first = ann.rating("bob", 0.5)
@@ -230,7 +231,7 @@ def test_equals_are_ranked_by_name_as_rate_does(tmp_path: Path):
 
 
 def test_limits_of_a_round_go_on_after_a_restart(tmp_path: Path):
-    clock, settings = Clock(), QUICK._replace(every=10.0, quota=2, newcomers=3)
+    clock, settings = Clock(), replace(QUICK, every=10.0, quota=2, newcomers=3)
     with managed(tmp_path / "s", clock, settings) as manager:
         ann, bob = joined(manager, clock, "ann", "bob")
         manager.rate([ann.rating("bob", 1)])
@@ -250,7 +251,7 @@ def test_limits_of_a_round_go_on_after_a_restart(tmp_path: Path):
 def test_rounds_go_on_when_the_clock_was_ahead(
     tmp_path: Path, restarts: bool, caplog: pytest.LogCaptureFixture
 ):
-    clock, settings = Clock(), QUICK._replace(every=10.0, quota=1)
+    clock, settings = Clock(), replace(QUICK, every=10.0, quota=1)
     with managed(tmp_path / "s", clock, settings) as manager:
         ann, _ = joined(manager, clock, "ann", "bob")
         clock.now += 3600
@@ -302,7 +303,7 @@ def test_a_key_with_which_everybody_signs_is_refused(tmp_path: Path, point: str)
         with suppress(InvalidSignature):
             key.verify(bytes([1]) + bytes(63), signed.encode())
             break
-    with managed(tmp_path / "s", Clock(), QUICK._replace(work=0)) as manager:
+    with managed(tmp_path / "s", Clock(), replace(QUICK, work=0)) as manager:
         refused(manager, RefusalReason.GARBAGE, "register", f"{signed}.AQ{'A' * 84}")
         written_otherwise = Registration(
             **ann._claims(), key=key_as_text(ann.key.public_key())[:-1] + "F"
@@ -434,7 +435,7 @@ def test_requests_of_a_batch_that_depend_on_one_another_are_taken_in_order(tmp_p
 
 def test_a_token_is_read_by_one_rule(tmp_path: Path):
     """What the rule of a start would not take is refused, and not written."""
-    clock, wide = Clock(), QUICK._replace(scale=(0.0, 1e17))
+    clock, wide = Clock(), replace(QUICK, scale=(0.0, 1e17))
     with managed(tmp_path / "s", clock, wide) as manager:
         ann, _ = joined(manager, clock, "ann", "bob")
         clock.now += 1

@@ -39,7 +39,7 @@ def test_the_description_holds(tmp_path: Path):
         "/events",
     ]  # has no end
     hooks = {"SCHEMATHESIS_HOOKS": "requests_of_agents", "PYTHONPATH": os.pathsep.join(sys.path)}
-    with served("--store", tmp_path / "trust.sqlite", "--every", 1, "--quota", 20) as manager:
+    with served(tmp_path / "trust.sqlite", "--every", 1, "--set", "quota=20") as manager:
         asyncio.run(register(manager.port, AGENTS[:2]))
         done = subprocess.run(
             [*map(str, [*command, *options]), f"{manager.url}/openapi.json"],

@@ -1,4 +1,4 @@
-"""`roletrust serve --store` as a process: events, a restart, and an audit of its model."""
+"""`roletrust manager serve` as a process: events, and a restart."""
 
 import json
 import re
@@ -20,32 +20,15 @@ from typer.testing import CliRunner
 from roletrust_experiments.cli import app
 
 COMMAND = [sys.executable, "-c", "from roletrust_experiments import main; main()"]
-AUDIT = [
-    "--same-agents",
-    "--scale",
-    "-10",
-    "10",
-    "--top",
-    "2",
-    "--budget",
-    "4",
-]
 
 
 @contextmanager
-def served(*options: object, model: str = "mean") -> Iterator[str]:
+def served(store: Path) -> Iterator[str]:
     """Start the command, and return its address; it has to end by a signal in order."""
     command = [
         *COMMAND,
-        "serve",
-        model,
-        "--name",
-        NAME,
-        "--work",
-        "2",
-        "--port",
-        "0",
-        *map(str, options),
+        *("manager", "serve", "mean", str(store), "--name", NAME),
+        *("--port", "0", "--every", "2", "--set", "work=2"),
     ]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
@@ -56,45 +39,43 @@ def served(*options: object, model: str = "mean") -> Iterator[str]:
         assert process.wait(20) in (0, -signal.SIGTERM)
 
 
-def test_options_of_a_manager_need_a_store():
-    said = CliRunner().invoke(app, ["serve", "mean", "--every", "5", "--work", "3"])
-    assert said.exit_code == 2
-    assert_names(said.output, "--every", "--work")
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("no-model", "unknown trust model"),
-        ("mean:lam=7", "lam is 7"),
-        ("rev2 --scale 1 1", "the scale is from 1 to 1"),  # a model of `rate`
-        ("mean --every 1e300", "every is 1e+300 s"),
-        ("mean --name a/b", "'a/b' is no name"),
-        ("mean --port {port}", "in use"),
+        ("no-model", ("no-model",)),
+        ("mean:lam=7", ("lam", "7")),
+        ("rev2 --set scale=[1,1]", ("scale", "1")),  # a model of `rate`
+        ("mean --set scale=[1,2,3]", ("scale", "1, 2, 3")),
+        ("mean --every 1e300", ("every", "1e+300")),
+        ("mean --every 0.5", ("every", "0.5")),
+        ("mean --set tolerance=nan", ("tolerance", "nan")),
+        ("mean --set work=65", ("work", "65")),
+        ("mean --set quota=0", ("quota", "0")),
+        ("mean --set same_agents=7", ("same_agents", "7")),
+        ("mean --set wrok=3", ("wrok", "work")),
+        ("mean --name a/b", ("a/b",)),
+        ("mean --port {port}", ("in use",)),
     ],
 )
-def test_a_first_start_that_fails_leaves_nothing_behind(tmp_path: Path, arguments: str, words: str):
+def test_a_first_start_that_fails_leaves_nothing_behind(
+    tmp_path: Path, arguments: str, words: tuple[str, ...]
+):
     with socket.create_server(("127.0.0.1", 0)) as used:
-        command = f"serve {arguments.format(port=used.getsockname()[1])}".split()
-        options = [] if "--port" in command else ["--port", "0"]
-        said = CliRunner().invoke(
-            app, [*command, *options, "--store", str(tmp_path / "trust.sqlite")]
-        )
-    assert words in " ".join((said.output + str(said.exception)).split())
+        model, *options = arguments.format(port=used.getsockname()[1]).split()
+        port = [] if "--port" in options else ["--port", "0"]
+        store = str(tmp_path / "trust.sqlite")
+        said = CliRunner().invoke(app, ["manager", "serve", model, store, *options, *port])
+    assert said.exit_code == 2, said.output
+    assert said.output.count("\n") == 1
+    assert_names(said.output, *words)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_model_of_rate_is_served():
-    message = '{"game": 1, "round": 0, "raters": 1, "providers": 1, "ratings": []}'
-    said = CliRunner().invoke(app, ["serve", "fairness-goodness"], input=message)
-    assert json.loads(said.output)["providers"] == [0.5]
 
 
 @pytest.mark.slow
 def test_a_manager_tells_of_rounds_and_goes_on_after_its_end(tmp_path: Path):
     ann, bob = Agent("ann", time.time), Agent("bob", time.time)
     with (
-        served("--store", tmp_path / "trust.sqlite", "--every", 2) as url,
+        served(tmp_path / "trust.sqlite") as url,
         httpx2.Client(base_url=url) as client,
     ):
         for agent in (ann, bob):
@@ -114,7 +95,7 @@ def test_a_manager_tells_of_rounds_and_goes_on_after_its_end(tmp_path: Path):
         assert found["provider"] == {"bob": client.get("/agents/bob").json()["provider"]["trust"]}
         assert found["round"] == 1
         before = client.get("/agents").json()["agents"]
-    with served("--store", tmp_path / "trust.sqlite", "--every", 2) as url:
+    with served(tmp_path / "trust.sqlite") as url:
         after = httpx2.get(f"{url}/agents").json()["agents"]
     for agent in (*before, *after):
         del agent["time"]

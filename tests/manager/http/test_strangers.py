@@ -75,7 +75,7 @@ def check_refused(manager: Served, path: str, content: bytes, status: int, reaso
 @pytest.fixture(scope="module")
 def manager(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     with served(
-        "--store", tmp_path_factory.mktemp("m") / "trust.sqlite", "--every", 3600, "--quota", QUOTA
+        tmp_path_factory.mktemp("m") / "trust.sqlite", "--every", 3600, "--set", f"quota={QUOTA}"
     ) as found:
         resource.prlimit(found.process.pid, resource.RLIMIT_NOFILE, (FILES, FILES))
         for agent in (ANN, BOB, FLO):
@@ -301,7 +301,7 @@ def impatient() -> None:
 @pytest.mark.slow
 def test_a_request_that_does_not_arrive_is_cut_and_counted(tmp_path: Path):
     with (
-        served("--store", tmp_path / "trust.sqlite", function=impatient) as manager,
+        served(tmp_path / "trust.sqlite", function=impatient) as manager,
         ExitStack() as stack,
     ):
         listener = stack.enter_context(connection(manager.port))
@@ -337,8 +337,8 @@ def test_bodies_and_answers_under_way_are_bounded(tmp_path: Path):
     """100 large bodies that do not end, and 100 readers of a page of 10,000 ratings that do not
     read."""
     ann, others = Agent(ANN.name, time.time), [Agent(f"b{n}", time.time) for n in range(1000)]
-    options = "--quota", 100_000, "--newcomers", 2000
-    with served("--store", tmp_path / "s", *options, function=unread) as manager:
+    options = "--set", "quota=100000", "--set", "newcomers=2000"
+    with served(tmp_path / "s", *options, function=unread) as manager:
         for agent in (ann, *others):
             post(manager, "/agents", body(agent.registration(0)))
         for _ in range(10):
@@ -377,7 +377,7 @@ def unread() -> None:
 @pytest.mark.slow
 def test_a_flood_of_old_tokens_costs_less_than_what_it_repeats(tmp_path: Path):
     ann, bob = Agent(ANN.name, time.time), Agent(BOB.name, time.time)
-    with served("--store", tmp_path / "s", "--quota", 100_000) as manager:
+    with served(tmp_path / "s", "--set", "quota=100000") as manager:
         for agent in (ann, bob):
             post(manager, "/agents", body(agent.registration()))
         old = [ann.rating(BOB.name, 1) for _ in range(200)]
@@ -398,7 +398,7 @@ def test_a_flood_of_old_tokens_costs_less_than_what_it_repeats(tmp_path: Path):
 @pytest.mark.slow
 def test_a_store_is_whole_after_an_orderly_end_and_takes_nothing_when_it_is_gone(tmp_path: Path):
     ann, bob = Agent(ANN.name, time.time), Agent(BOB.name, time.time)
-    with served("--store", tmp_path / "s") as manager:
+    with served(tmp_path / "s") as manager:
         for agent in (ann, bob):
             post(manager, "/agents", body(agent.registration()))
         for _ in range(30):
@@ -406,7 +406,7 @@ def test_a_store_is_whole_after_an_orderly_end_and_takes_nothing_when_it_is_gone
     shutil.copy(tmp_path / "s", tmp_path / "copy")
     with closing(sqlite3.connect(tmp_path / "copy")) as copy:
         assert copy.execute("select count(*) from events").fetchone() == (32,)
-    with served("--store", tmp_path / "s") as manager:
+    with served(tmp_path / "s") as manager:
         for path in tmp_path.glob("s*"):
             path.unlink()
         answer = post(manager, "/ratings", body(ann.rating(BOB.name, 1)))

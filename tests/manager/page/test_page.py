@@ -1,7 +1,7 @@
-"""The page of `roletrust live view`, without a team and without a browser."""
+"""The page of `roletrust robots view`, without a team and without a browser."""
 
-import socket
 import urllib.request
+import webbrowser
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
@@ -15,9 +15,9 @@ from tornado.ioloop import IOLoop
 from roletrust_experiments.plots.style import ATTACKER, HONEST
 from roletrust_manager.admission.validation import MANAGER, RefusalReason
 from roletrust_manager.page import dashboard as dashboards
+from roletrust_manager.page.browser import open_page
 from roletrust_manager.page.dashboard import Dashboard
 from roletrust_manager.page.page import Page, make_page, serve
-from roletrust_manager.page.waiting import WaitingPage
 from roletrust_manager.team import PublishedTrust
 
 PERIOD_S = 0.5
@@ -155,36 +155,36 @@ def test_all_viewers_share_the_same_parts(team, dashboard):
     assert texts[0] == texts[1] == texts[2] == list(shared)
 
 
-def test_a_page_answers_before_the_live_page_and_no_request_is_refused_between_them(
-    team, dashboard, caplog
-):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    url, loop = f"http://127.0.0.1:{port}/", IOLoop.current()
-    with WaitingPage(port) as waiting, ThreadPoolExecutor(1) as aside:
-        with refuses(ValueError, "port", port):
-            WaitingPage(port)
-        waiting.text = "Starting <8> nodes."
-        for path in ("", "any/other"):
-            assert "No round yet.</b> Starting &lt;8&gt; nodes." in fetch(url + path)
-        waiting.leave()
-        early = aside.submit(fetch, url)  # it waits for the live page
-        server = serve(dashboard, waiting.listening)
+def test_a_page_answers_requests_from_before_its_server(team, dashboard, caplog, monkeypatch):
+    opened, lines, loop = [], [], IOLoop.current()
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    with (
+        open_page(0, lines.append) as taken,
+        open_page(taken.getsockname()[1], lines.append) as listening,
+        ThreadPoolExecutor(1) as aside,
+    ):
+        assert listening.getsockname()[0] == "127.0.0.1"
+        assert len(set(opened)) == 2
+        assert all(url in line for url, line in zip(opened, lines, strict=True))
+        early = aside.submit(fetch, opened[1])  # it waits for the server
+        server = serve(dashboard, listening)
         try:
-            assert waiting.listening.getsockname()[0] == "127.0.0.1"
             body = loop.run_sync(lambda: loop.run_in_executor(None, early.result))
             assert "RoleTrust, live" in body
             assert "cdn." not in body  # the browser needs no other server
             session = loop.run_sync(
-                lambda: loop.run_in_executor(
-                    None, lambda: pull_session(url=f"http://localhost:{port}/")
-                )
+                lambda: loop.run_in_executor(None, lambda: pull_session(url=opened[1]))
             )
             assert session.document.title == "RoleTrust, live"
         finally:
             server.stop()
     assert caplog.records == []  # the figures are empty, of which Bokeh warns
+
+
+@pytest.mark.parametrize("port", [-1, 65536, 1.5, "http"])
+def test_a_port_that_does_not_exist_is_refused(port):
+    with refuses(ValueError, "port", port):
+        open_page(port, print)
 
 
 def fetch(url):

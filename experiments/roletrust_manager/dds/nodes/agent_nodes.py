@@ -48,7 +48,6 @@ def run_camera_node(
     timeline: Timeline,
     policy: Policy | None = None,
     frames: str | Path | int | None = None,
-    loop: bool = False,
     keys: Path | None = None,
     seed: int = 0,
     network: bool = False,
@@ -63,8 +62,8 @@ def run_camera_node(
         timeline: Start times of the rounds. A round that is over by half a period is left out.
         policy: Policy that chooses the quality; None serves honestly. It sees its trust, and the
             ratings of it since its last service.
-        frames: See `open_frames`; None for those of the scenario.
-        loop: See `open_frames`; frames of the scenario are also looped if it says so.
+        frames: See `open_frames`; None for those of the scenario. A video or a folder of images
+            starts again at its end.
         keys: Folder with the camera's private key and all public keys; None neither signs nor
             checks signatures.
         seed: Random seed of the sensor noise of bad service and of the policy.
@@ -74,14 +73,14 @@ def run_camera_node(
 
     Raises:
         ValueError: The scenario has no such provider, a key does not exist, the rounds are over, or
-            the frames do not exist or end before the rounds (`FramesError`).
+            the frames do not exist (`FramesError`).
     """
     team, period_s = Team.of(scenario), scenario.period_s
     index = _index("provider", name, team.providers)
     keyring, signer = _keys(keys, name, team.raters)
     length = math.inf if rounds is None else rounds
-    if frames is None:
-        frames, loop = scenario.frames, loop or scenario.playback == "loop"
+    frames = scenario.frames if frames is None else frames
+    loop = isinstance(frames, str | Path) and Path(frames).exists()
     source = open_frames(
         frames, duration_s=length * period_s, period_s=period_s, loop=loop, paced=False
     )

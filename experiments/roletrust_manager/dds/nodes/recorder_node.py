@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from roletrust_env.parameters import truth_value
 from roletrust_manager.admission import clock
 from roletrust_manager.dds.nodes.inboxes import TopicReaders
 from roletrust_manager.dds.nodes.run_loop import SECOND, print_line, run_until_signal
@@ -31,8 +32,9 @@ def run_recorder_node(
         report: Function that shows a line to the user.
 
     Raises:
-        ValueError: The folder exists already.
+        ValueError: The folder exists already, or a setting is no truth value.
     """
+    images = truth_value("images", images)
     node = Node("record", network=network)
     readers, kinds = TopicReaders(node, _DEPTH), dict[str, str]()
     with run_until_signal() as active, Recorder(folder) as recorder:

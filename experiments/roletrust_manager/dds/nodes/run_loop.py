@@ -13,7 +13,25 @@ from typing import Any, NamedTuple
 from roletrust_manager.admission import clock
 
 SECOND = 1_000_000_000
+SLOWEST, FASTEST = 0.1, 20.0
+"""Limits of the speed relative to a scenario's clock."""
+
 _STOP_S = 5.0
+
+
+def round_period(period_s: float, speed: float) -> int:
+    """Return the time between rounds, nanoseconds.
+
+    Args:
+        period_s: Time between rounds by the scenario's clock, seconds.
+        speed: Speed relative to the scenario's clock, from 0.1 to 20.
+
+    Raises:
+        ValueError: The speed is no number in this range.
+    """
+    if not isinstance(speed, int | float) or not SLOWEST <= speed <= FASTEST:
+        raise ValueError(f"speed must be from {SLOWEST:g} to {FASTEST:g}, got {speed!r}")
+    return round(period_s * SECOND / speed)
 
 
 class Timeline(NamedTuple):

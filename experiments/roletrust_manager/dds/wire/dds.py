@@ -37,6 +37,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from rosbags.interfaces import Nodetype
 
+from roletrust_env.parameters import truth_value
 from roletrust_manager.dds.wire import messages
 
 _LOOPBACK = (
@@ -189,11 +190,11 @@ class Node:
             `CYCLONEDDS_URI` is set.
 
     Raises:
-        ValueError: `ROS_DOMAIN_ID` or `CYCLONEDDS_URI` is invalid.
+        ValueError: `network` is no truth value, or `ROS_DOMAIN_ID` or `CYCLONEDDS_URI` is invalid.
     """
 
     def __init__(self, name: str, namespace: str = "/", *, network: bool = False) -> None:
-        self._participant = _participant(network)
+        self._participant = _participant(truth_value("network", network))
         self._name, self._namespace = name, namespace
         self._builtin_reader = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._known: dict[

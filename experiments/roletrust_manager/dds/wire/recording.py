@@ -2,9 +2,8 @@
 rosbag2.
 """
 
-import struct
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -13,10 +12,6 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from roletrust_env.errors import short
 from roletrust_manager.dds.wire.messages import typestore
-
-_MAGIC = b"\x89MCAP0\r\n"
-_DAMAGED = struct.error, KeyError, UnicodeDecodeError  # errors of a damaged record
-_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x03, 0x04, 0x05, 0x06  # records, https://mcap.dev/spec
 
 
 class RecordedMessage(NamedTuple):
@@ -96,14 +91,11 @@ def read_recording(
         advance: Function that is called with the number of messages so far, and with that of all.
 
     Raises:
-        ValueError: The folder is not a recording, or it was not closed. `recover_recording` repairs
-            the latter.
+        ValueError: The folder is not a recording, or it was not closed. `mcap recover` and `ros2
+            bag reindex` repair the latter.
     """
     if not folder.is_dir():
-        raise ValueError(
-            f"{folder} cannot be read: it is no folder; `roletrust live record --recover` makes "
-            "one of an MCAP file"
-        )
+        raise ValueError(f"{folder} cannot be read: a recording must be a folder")
     with _one_line_errors(folder):
         reader = Reader(folder)
         reader.open()
@@ -130,82 +122,5 @@ def _one_line_errors(folder: Path) -> Iterator[None]:
     except Exception as error:  # of many kinds
         why = short(" ".join(str(error).split())) or "out of memory"
         raise ValueError(
-            f"{folder} cannot be read: {why}; `roletrust live record --recover` may help"
+            f"{folder} cannot be read: {why}; `mcap recover` repairs one that was not closed"
         ) from None
-
-
-def recover_recording(damaged: Path, folder: Path) -> int:
-    """Write the readable messages of a damaged recording, such as that of a killed process, to a
-    new one.
-
-    Args:
-        damaged: Folder of the recording, or its MCAP file.
-        folder: New folder.
-
-    Returns:
-        The number of messages.
-
-    Raises:
-        ValueError: The recording does not exist, has no readable message, or the new folder exists
-            already.
-    """
-    path = damaged
-    if damaged.is_dir():
-        path = next(iter(sorted(damaged.glob("*.mcap"))), damaged)
-    if not path.is_file() or not path.read_bytes()[: len(_MAGIC)] == _MAGIC:
-        raise ValueError(f"{damaged} is no recording; give an MCAP file, or a folder with one")
-    readable = [
-        item
-        for item in _readable_messages(path.read_bytes()[len(_MAGIC) :])
-        if item.kind in typestore().types
-    ]
-    if not readable:
-        raise ValueError(
-            f"{damaged} has no readable message; recordings of other programs may be compressed"
-        )
-    with Recorder(folder) as recorder:
-        for message in readable:
-            recorder.write(message)
-        return recorder.count
-
-
-def _readable_messages(data: bytes) -> Iterator[RecordedMessage]:
-    """Iterate over the readable messages of an MCAP file, given without its magic bytes."""
-    kinds: dict[int, str] = {}
-    topics: dict[int, tuple[str, str]] = {}
-    for code, content in _records(data):
-        with suppress(*_DAMAGED):
-            if code == _SCHEMA:
-                kinds[struct.unpack_from("<H", content)[0]] = _text(content, 2)
-            elif code == _CHANNEL:
-                number, schema = struct.unpack_from("<HH", content)
-                topics[number] = _text(content, 4), kinds[schema]
-            elif code == _MESSAGE:
-                number, _, time = struct.unpack_from("<HIQ", content)
-                yield RecordedMessage(time, *topics[number], content[22:])
-
-
-def _records(data: bytes, *, chunked: bool = False) -> Iterator[tuple[int, bytes]]:
-    """Iterate over the codes and contents of the complete records in some bytes, and of those in
-    their chunks.
-
-    The records of a chunk are never chunks themselves.
-    """
-    at = 0
-    while at + 9 <= len(data):
-        code, length = struct.unpack_from("<BQ", data, at)
-        content = data[at + 9 : at + 9 + length]
-        if len(content) < length:
-            return
-        if code != _CHUNK or chunked:
-            yield code, content
-        else:
-            with suppress(*_DAMAGED):
-                if not _text(content, 28):  # this project does not compress
-                    yield from _records(content[28 + 4 + 8 :], chunked=True)
-        at += 9 + length
-
-
-def _text(content: bytes, at: int) -> str:
-    (length,) = struct.unpack_from("<I", content, at)
-    return content[at + 4 : at + 4 + length].decode()

@@ -1,1 +1,0 @@
-"""`roletrust live`: cameras, raters and a manager as processes, on the middleware of ROS 2."""

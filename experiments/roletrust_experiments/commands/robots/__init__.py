@@ -1,0 +1,1 @@
+"""`roletrust robots`: cameras, raters and a manager as processes, on the middleware of ROS 2."""

@@ -1,0 +1,1 @@
+"""Robots: the nodes of a team, alone or together as the demo."""
