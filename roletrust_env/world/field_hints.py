@@ -57,8 +57,10 @@ _SUITES = (
 _BESIDE = {
     "--model, or trust_model=... in Python": "model trust_model",
     "--attack, or a JointPolicy in Python": "attack attacker attackers liars policies others",
-    "--set of `roletrust train`, or compromised=... in Python": "compromised objective goal stealth "
-    "stealth_weight stealth_tolerance knowledge accomplice accomplices",
+    "--set of `roletrust train`, or compromised=... in Python": (
+        "compromised objective goal stealth stealth_weight stealth_tolerance knowledge accomplice "
+        "accomplices"
+    ),
     "--learner, or observation=... in Python": "learner observation",
     "--seed": "seed seeds random_seed",
     "--games": "games episodes num_envs",

@@ -56,7 +56,7 @@ def demo(
 
     given = parse_keywords(settings, "--set", _SETTINGS)
     paper = papers(SCENARIO.period_s)[0 if attack == "on-off" else 1]
-    with progress_bar() as bar:
+    with progress_bar(counted=False) as bar:
         result = run_demo(
             out, paper.policies, view=view, report=tell, progress=stages(bar), **given
         )
