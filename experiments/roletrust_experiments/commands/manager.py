@@ -53,7 +53,8 @@ def manager() -> None:
 def serve(
     model: Annotated[str, typer.Argument(metavar=NAMED, help=_MODEL_HELP)],
     store: Annotated[
-        str, typer.Argument(help="Journal of the manager, a file of SQLite or postgresql://...")
+        str,
+        typer.Argument(metavar="STORE", help="Journal, a file of SQLite or postgresql://..."),
     ],
     host: Annotated[
         str, typer.Option(help="Address of the manager; other machines reach it at 0.0.0.0 only.")
