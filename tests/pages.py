@@ -10,7 +10,7 @@ import typer
 from roletrust_env.benchmarking.suite_files import suites
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_env.trust.outside import KINDS as OUTSIDE
+from roletrust_env.trust.remote import KINDS as REMOTE
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.cli import app
 
@@ -136,7 +136,7 @@ def _refused_by_us(words: list[str]) -> str:
     except Exception as error:  # whatever the parser raises
         return f"{type(error).__name__}: {error}"
     known = {
-        "model": [*trust_models.names(), "all", *OUTSIDE],
+        "model": [*trust_models.names(), "all", *REMOTE],
         "attack": attackers.names(),
         "scenario": list(scenarios()),
         "suite": list(suites()),

@@ -10,10 +10,9 @@ from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.benchmarking.worlds import Use
 from roletrust_env.evaluation.agreed import seat
 from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker
-from roletrust_env.evaluation.isolated import IsolatedModel
 from roletrust_env.evaluation.measurement import exact_task
 from roletrust_env.evaluation.received import RANGES, measure_world
-from roletrust_env.evaluation.specs import is_own_model, parse_trust_model
+from roletrust_env.evaluation.specs import is_own_model, offered_parameters, parse_trust_model
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
@@ -22,6 +21,7 @@ from roletrust_env.game.rollout import Players
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.trust.model_checks import needs_watching
 from roletrust_env.trust.random_order import RandomOrder
+from roletrust_env.trust.remote import IsolatedModel
 
 _PAIRS = 200_000
 """Number of pairs of agents in all games that play at once, at most."""
@@ -66,7 +66,7 @@ class CellPlay:
         self.suite, self.cell, self.steps = suite, cell, 0
         self._isolated = isolated
         self._tasks: dict[tuple[Use, int], AttackTask] = {}
-        self._models: list[IsolatedModel] = []
+        self._models: dict[tuple[float, ...], IsolatedModel] = {}
 
     def task(self, use: Use, number: int) -> AttackTask:
         """Return the attack task of a world with compromised agents, in double precision.
@@ -115,15 +115,6 @@ class CellPlay:
                 self.steps += batch[0] * batch[1] * scenario.max_cycles
         return Played(scores, mean_or_nan(regret, axis=0))
 
-    def check_isolation(self) -> None:
-        """Check that trust in a game does not depend on other games, see `IsolatedModel`.
-
-        Raises:
-            ValueError: It does.
-        """
-        for model in self._models:
-            model.check_alone()
-
     def _seated(
         self, use: Use, number: int, attacks: Sequence[Attacker], games: int
     ) -> Iterator[tuple[list[int], Players, tuple[str, ...]]]:
@@ -143,8 +134,11 @@ class CellPlay:
 
     def _model(self, scenario: Any) -> Any:
         if self._isolated and not is_own_model(self.cell.model):
-            self._models.append(IsolatedModel(self.cell.model, scenario))
-            model: Any = self._models[-1]
+            offered = offered_parameters(scenario)
+            key = tuple(offered.values())
+            if key not in self._models:
+                self._models[key] = IsolatedModel(self.cell.model, offered)
+            model: Any = self._models[key]
         else:
             model = parse_trust_model(self.cell.model, scenario)
         return RandomOrder(model) if needs_watching(model) else model

@@ -27,7 +27,7 @@ from roletrust_env.evaluation.specs import named_factory
 from roletrust_env.storage.untrusted import UntrustedModel
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import is_own
-from roletrust_env.trust.outside import KINDS as OUTSIDE
+from roletrust_env.trust.remote import KINDS as REMOTE
 
 _KNOWN = (
     "roletrust_env",
@@ -241,7 +241,7 @@ def model_source(text: str) -> Source:
     name, _, rest = text.strip().partition(":")
     kind = rest.partition(":")[0].strip()
     declared = {point.name: point.value for point in entry_points(group=trust_models.group)}
-    known = name in OUTSIDE or trust_models.registered(name) is not None
+    known = name in REMOTE or trust_models.registered(name) is not None
     if known or not (name in declared or kind.isidentifier()):
         return source_of(named_factory(trust_models, text))
     module, _, kind = declared.get(name, f"{name}:{kind}").partition("[")[0].strip().partition(":")

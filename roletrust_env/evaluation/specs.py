@@ -19,8 +19,8 @@ from roletrust_env.registry import parse_value as parse_value
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import is_own
-from roletrust_env.trust.outside import KINDS as OUTSIDE
-from roletrust_env.trust.outside import OutsideFactory
+from roletrust_env.trust.remote import KINDS as REMOTE
+from roletrust_env.trust.remote import RemoteFactory
 from roletrust_env.world import Scenario
 from roletrust_env.world.roster import Roster
 
@@ -141,6 +141,11 @@ def is_own_model(text: str) -> bool:
     return factory is not None and is_own(factory)
 
 
+def offered_parameters(scenario: Scenario) -> dict[str, float]:
+    """Return the parameters that a scenario gives a trust model, if the model accepts them."""
+    return {key: getattr(scenario, field) for key, field in _SHARED.items()}
+
+
 def read_trust_model(
     text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None
 ) -> tuple[Registry[Any], str, dict[str, Any]]:
@@ -168,9 +173,7 @@ def read_trust_model(
                 f"--model {text} contradicts --set {field}={getattr(scenario, field):g}; give it "
                 "once"
             )
-    given = registry.accepted_parameters(
-        name, {key: getattr(scenario, field) for key, field in _SHARED.items()}
-    )
+    given = registry.accepted_parameters(name, offered_parameters(scenario))
     return registry, name, {**given, **parameters}
 
 
@@ -222,7 +225,7 @@ def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None
         name, _, rest = text.strip().partition(":")
         if name not in registry.names():
             owner = rest.partition(":")[0]
-            if name not in OUTSIDE and (
+            if name not in REMOTE and (
                 not owner or "=" in owner
             ):  # a name that no import can make known
                 explain_unknown(registry, name)
@@ -236,8 +239,8 @@ def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
     """Return what `parse_entry` does; a trust model may also be an address."""
     kind = text.strip().partition(":")[0]
-    if registry is trust_models and kind in OUTSIDE:
-        return registry.with_only(kind, OutsideFactory(text.strip())), kind, {}
+    if registry is trust_models and kind in REMOTE:
+        return registry.with_only(kind, RemoteFactory(text.strip())), kind, {}
     return parse_entry(registry, text)
 
 

@@ -17,8 +17,8 @@ from roletrust_env.randomness import generator
 from roletrust_env.trust.beta_distribution import reputation
 from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.outside import OutsideModel, round_tail
 from roletrust_env.trust.ratings import merge_repeats
+from roletrust_env.trust.remote import RemoteModel, round_tail
 from roletrust_env.trust.run import make_run
 from roletrust_env.trust.trust_run import TrustRun
 
@@ -123,7 +123,7 @@ class Ending:
         self._model, self._room = model, (log.shape[0] + more, log.shape[1] + more)
         self._last, self._rest = last, parts[-last:]
         self._begun, self._lines = list[TrustRun](), list[str]()
-        if isinstance(model, OutsideModel):  # a game with it cannot branch
+        if isinstance(model, RemoteModel):  # a game with it cannot branch
             past = [(number, self._of_log(part)) for number, part in parts[:-last]]
             self._lines = self._messages(past, 0) or [round_tail(0, self._room, [])]
             return
@@ -139,7 +139,7 @@ class Ending:
         return HostileRatings(self.log.raters[part], self.log.ratees[part], self.log.values[part])
 
     def _messages(self, rounds: Sequence[tuple[int, HostileRatings]], since: int) -> list[str]:
-        """Return the messages of rounds of a game with an outside model, and of those without
+        """Return the messages of rounds of a game with a remote model, and of those without
         ratings between them.
         """
         lines = list[str]()
@@ -172,7 +172,7 @@ class Ending:
             others = (extra.raters != extra.providers) | (not self.same_agents)
             false = HostileRatings(*(column[others] for column in extra))
             ended.append((number, _joined([self._of_log(part), false])))
-        if isinstance(self._model, OutsideModel):
+        if isinstance(self._model, RemoteModel):
             return self._model.replay(
                 self._room, self._lines, self._messages(ended, len(self._lines))
             )

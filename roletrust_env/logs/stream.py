@@ -32,7 +32,7 @@ from roletrust_env.storage.files import clear_unfinished, locked
 from roletrust_env.storage.untrusted import parse_json
 from roletrust_env.trust.edges import edge_model
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.outside import OutsideModel
+from roletrust_env.trust.remote import RemoteModel
 from roletrust_env.trust.run import make_run
 from roletrust_env.trust.stored import taken
 from roletrust_env.trust.trust_run import TrustRun
@@ -188,7 +188,7 @@ class TrustStream:
         if not self._begun:
             return self
         other = self
-        if not isinstance(self.model, OutsideModel):
+        if not isinstance(self.model, RemoteModel):
             other = copy(self)
             parts = deepcopy((self._run, self._pairs, self._raters, self._providers))
             other._run, other._pairs, other._raters, other._providers = parts

@@ -14,7 +14,7 @@ from roletrust_env.logs.compare import MONTH
 from roletrust_env.logs.models import make_log_model
 from roletrust_env.logs.rate import MODEL
 from roletrust_env.storage.files import prepare_folder, write_text
-from roletrust_env.trust.outside import OutsideModel
+from roletrust_env.trust.remote import RemoteModel
 from roletrust_experiments.commands.console import (
     console,
     number_table,
@@ -91,7 +91,7 @@ def audit(
     chosen = make_log_model(model)
     prepare_folder(out)
     every = MONTH if reading.every is None else reading.every
-    journal = Journal(out / "audit.journal") if isinstance(chosen, OutsideModel) else None
+    journal = Journal(out / "audit.journal") if isinstance(chosen, RemoteModel) else None
     if journal and journal.known:
         tell(f"{len(journal.known):,} attacks of an interrupted audit are in {journal.path}")
     log = reading.log(ratings)
