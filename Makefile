@@ -101,8 +101,8 @@ docs/game.gif: setup
 # The leaderboard: every model with searches, in hours; its report, its entries, which the package carries, and its tables.
 benchmark: setup
 	$(BIN)/roletrust benchmark all --search --out $(OUT)/standard
-	$(BIN)/roletrust report $(OUT)/standard/results.sqlite --pages ../../reference/models \
-		--out docs/leaderboards/standard
+	$(BIN)/python -c "from pathlib import Path; from roletrust_experiments.report.page import report; \
+		report(Path('$(OUT)/standard/results.sqlite'), Path('docs/leaderboards/standard'), pages='../../reference/models')"
 	$(BIN)/roletrust submit $(OUT)/standard/results.sqlite all --out roletrust_env/benchmarking/published
 	$(BIN)/python -m studies summaries --publish
 

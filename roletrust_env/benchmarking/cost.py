@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from time import process_time
 
 from roletrust_env.benchmarking.cells import find_attacks, pairs
+from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.play import CellPlay
 from roletrust_env.benchmarking.search import FINALISTS
 from roletrust_env.benchmarking.suite import Cell, Rule, Suite
@@ -49,6 +50,15 @@ def estimate_seconds(suite: Suite, cells: Sequence[Cell]) -> dict[str, float]:
             rounds[where] = game_rounds(suite, where)
         seconds[cell.key] = speeds[who] * rounds[where]
     return seconds
+
+
+def learner_rounds(suite: LearnersSuite) -> int:
+    """Return the number of game rounds that each learner of a suite plays at most, rounds x
+    games.
+    """
+    cycles: list[int] = [task.arguments()["scenario"].max_cycles for task in suite.tasks.values()]
+    learned = len(cycles) * sum(suite.budgets)
+    return len(suite.seeds) * (learned + len(suite.budgets) * suite.games * sum(cycles))
 
 
 def _seconds_each(suite: Suite, cell: Cell) -> float:

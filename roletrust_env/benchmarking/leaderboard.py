@@ -17,11 +17,12 @@ import numpy.typing as npt
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite import RULES, Cell, Rule, Suite
+from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.benchmarking.tiers import tiers
 from roletrust_env.evaluation.received import SCORES
 from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.metrics.score import mean_or_nan
-from roletrust_env.storage.files import write_csv
+from roletrust_env.storage.files import write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
 
 Floats = npt.NDArray[np.float64]
@@ -160,11 +161,13 @@ class Leaderboard:
         rows: Trust models with the common choice rule, from the best to the worst, then those with
             their own one.
         worst_cases: Worst case by model, choice rule and setting.
+        failed: Why cells failed, by their keys.
     """
 
     suite: Suite
     rows: list[BoardRow]
     worst_cases: dict[tuple[str, Rule, str], WorstCase]
+    failed: dict[str, str]
 
     @classmethod
     def of(cls, suite: Suite, stored: Sequence[tuple[Cell, CellResult]]) -> Self:
@@ -177,7 +180,8 @@ class Leaderboard:
         cases = _worst_cases(stored)
         played = {cell.key for cell, result in stored if not result.failed}
         rows = [row for rule in RULES for row in _rows(suite, rule, cases, played)]
-        return cls(suite, rows, cases)
+        failed = {cell.key: result.failed for cell, result in stored if result.failed}
+        return cls(suite, rows, cases, failed)
 
     @classmethod
     def read(cls, results: str | Path) -> Self:
@@ -213,6 +217,20 @@ class Leaderboard:
             f"{(searched < CONVERGED).sum()} of {len(searched)} searches; two starts agree within "
             f"{CONVERGED} in {(twice < CONVERGED).sum()} of {len(twice)}."
         )
+
+    def write(self, folder: str | Path) -> list[str]:
+        """Write `leaderboard.csv`, `leaderboard.md` and `worst_cases.csv`, and return their names.
+
+        Raises:
+            OSError: A file cannot be written.
+        """
+        path = Path(folder)
+        self.to_csv(path / "leaderboard.csv")
+        self.cases_to_csv(path / "worst_cases.csv")
+        command = reproduction_command(self.suite, path / "results.sqlite")
+        about = f"Suite {self.suite.name}, version {self.suite.version}. Made by `{command}`."
+        write_text(path / "leaderboard.md", f"{self.to_markdown()}\n\n{about}\n\n{self.legend}")
+        return ["leaderboard.csv", "leaderboard.md", "worst_cases.csv"]
 
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as a CSV file.

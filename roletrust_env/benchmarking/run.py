@@ -1,16 +1,18 @@
-"""Benchmark runs from Python, with the same suites, cells and results as the command `roletrust
-benchmark`.
-"""
+"""Benchmark runs as one call each: of trust models, and of learners."""
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from roletrust_env.benchmarking.cells import check_attacks
 from roletrust_env.benchmarking.entrants import Entrant, name_entrants, pack, temporary_registration
 from roletrust_env.benchmarking.entries import published_cells
 from roletrust_env.benchmarking.leaderboard import Leaderboard
+from roletrust_env.benchmarking.learners.board import LearnerBoard
+from roletrust_env.benchmarking.learners.learner import is_search, make_search_method, registry
+from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
 from roletrust_env.benchmarking.store import ResultStore, StoredCell
@@ -22,10 +24,16 @@ from roletrust_env.benchmarking.suite import (
     without_models,
 )
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite
+from roletrust_env.evaluation.agreed import check_recorded
 from roletrust_env.evaluation.attackers import Attacker
-from roletrust_env.evaluation.specs import parse_kinds
+from roletrust_env.evaluation.specs import check_installed, parse_kinds
+from roletrust_env.game.policy import registry as attackers_registry
 from roletrust_env.parameters import truth_value, whole_number
 from roletrust_env.storage.files import prepare_folder
+from roletrust_env.trust.model import registry as trust_models
+
+SuiteT = TypeVar("SuiteT", Suite, LearnersSuite)
+_QUIET_S = 10  # seconds between two lines of a progress bar where no bar can move
 
 OnStart = Callable[[Sequence[Any], int], None]
 """Callback for the start of a run. It receives the cells to play and the number of all cells."""
@@ -35,15 +43,14 @@ OnCell = Callable[[Any, CellResult], None]
 
 
 def benchmark(
-    models: Entrant | list[Entrant] | tuple[Entrant, ...] | None = None,
+    models: Entrant | Sequence[Entrant] | None = None,
     suite: str | Path | Suite = "standard",
     *,
     attacks: str | Sequence[str] | None = None,
     attackers: Mapping[str, Attacker] | None = None,
     search: bool = False,
-    workers: int | None = None,
+    workers: int | Pool | None = None,
     out: str | Path | None = None,
-    force: bool = False,
     progress: bool = True,
 ) -> Leaderboard:
     """Attack trust models in the worlds of a suite, and rank them by the worst case next to the
@@ -59,18 +66,18 @@ def benchmark(
         attackers: Trained attackers by name that play in every setting, such as a
             `CoalitionAttacker`.
         search: Also search for attacks, which takes hours instead of minutes.
-        workers: Number of processes. None means one for each core. With 0 the cells are played in
-            this process.
+        workers: Number of processes, or a pool such as `cluster.Cluster`. None means one process
+            for each core. With 0 the cells are played in this process.
         out: Folder of the results. A stopped run continues from there. None writes no files.
-        force: Start again, and delete earlier results in `out`.
         progress: Show a progress bar.
 
     Returns:
         The leaderboard. It displays as a table in a terminal and in a notebook.
 
     Raises:
-        ValueError: A name is unknown, a model or an attack cannot be created, the suite is one for
-            learners, or `out` contains another run.
+        ValueError: A name is unknown, a model or an attack cannot be created, there are attacks
+            without a model, the suite is one for learners or has no published models, or `out`
+            contains another run.
         OSError: `out` cannot be written.
 
     Example:
@@ -83,33 +90,95 @@ def benchmark(
         >>> sorted({row.model for row in board.rows})
         ['mean', 'own-experience', 'solo-threshold']
     """
-    if isinstance(attacks, str):
-        attacks = [attacks]
+    attacks = [attacks] if isinstance(attacks, str) else attacks
     for name, chosen in (("models", models), ("attacks", attacks)):
         if isinstance(chosen, list | tuple) and not chosen:
             raise ValueError(f"{name} is empty; None means those of the suite")
-    workers = None if workers is None else whole_number("workers", workers)
-    force, progress = truth_value("force", force), truth_value("progress", progress)
-    chosen_suite = _of_models(suite)
+    progress = truth_value("progress", progress)
+    chosen_suite = _loaded(suite, Suite, "benchmark_learners")
     if truth_value("search", search):
         chosen_suite = with_search(chosen_suite)
     if models is None:
-        return placed(without_models(chosen_suite), [])
+        if attacks or attackers:
+            raise ValueError(f"models is None; attacks {attacks or [*(attackers or ())]} need one")
+        board = _placed(without_models(chosen_suite), [])
+        if all(row.missing for row in board.rows):
+            raise ValueError(
+                f"suite {chosen_suite.name} does not have models that are published with "
+                f"{', '.join(chosen_suite.methods)}; name those to play"
+            )
+        return board
     everything = isinstance(models, str) and models == "all"
     given: list[Any] = list(models) if isinstance(models, list | tuple) else [models]
     names, instances = name_entrants(chosen_suite.models if everything else given)
     with temporary_registration(instances):
         selected = selected_suite(chosen_suite, names, attacks or (), attackers)
-        pool: Pool = InProcess() if workers == 0 else LocalPool(workers, pack(instances))
-        with ExitStack() as stack:
-            listeners = _bar(stack, selected.name) if progress else {}
-            cells = play_suite(
-                selected, pool, out=None if out is None else Path(out), force=force, **listeners
-            )
-        return placed(selected, cells)
+        board = _placed(selected, _play(selected, workers, out, progress, pack(instances)))
+    if out is not None:
+        board.write(out)
+    return board
 
 
-def placed(suite: Suite, cells: Sequence[StoredCell]) -> Leaderboard:
+def benchmark_learners(
+    learners: str | Sequence[str] | None = None,
+    suite: str | Path | LearnersSuite = "learners",
+    *,
+    workers: int | Pool | None = None,
+    out: str | Path | None = None,
+    progress: bool = True,
+) -> LearnerBoard:
+    """Let learners and search methods find attacks under the budgets of a suite, and rank them.
+
+    Args:
+        learners: Names of search methods or learners, or `package.module:Class[:key=value,...]`;
+            `"all"` among them means those of the suite, as None does.
+        suite: Name of a suite for learners, path of a TOML file, or a `LearnersSuite`.
+        workers: See `benchmark`.
+        out: Folder of the results. A stopped run continues from there. None writes no files.
+        progress: Show a progress bar.
+
+    Raises:
+        ValueError: A name is unknown, a learner cannot be created, the suite is one for trust
+            models, or `out` contains another run.
+        OSError: `out` cannot be written.
+
+    Example:
+        >>> from roletrust_env.benchmarking import benchmark_learners, load_suite
+        >>> changes = {"budgets": (200,), "seeds": (0,), "games": 2}
+        >>> suite = load_suite("learners-quick").model_copy(update=changes)
+        >>> board = benchmark_learners("random search", suite, workers=0, progress=False)
+        >>> board.ranking
+        ['random search']
+    """
+    loaded = _loaded(suite, LearnersSuite, "benchmark")
+    named = [learners] if isinstance(learners, str) else [*(learners or ["all"])]
+    asked = [part for name in named for part in (loaded.learners if name == "all" else [name])]
+    selected = loaded.model_copy(update={"learners": tuple(dict.fromkeys(asked))})
+    for name in selected.learners:
+        make_search_method(name, next(iter(selected.tasks.values())).id)
+    cells = _play(selected, workers, out, truth_value("progress", progress))
+    board = LearnerBoard.of(selected, cells)
+    if out is not None:
+        board.write(out)
+    return board
+
+
+def check_suite_installed(suite: AnySuite) -> None:
+    """Refuse a suite that names models, attacks or learners that are not installed, so that its
+    file cannot make Python import a module.
+
+    Raises:
+        ValueError: It names one.
+    """
+    if isinstance(suite, LearnersSuite):
+        check_installed(registry, [name for name in suite.learners if not is_search(name)])
+        return
+    check_installed(trust_models, suite.models)
+    check_installed(attackers_registry, (*suite.attacks, *suite.usual.values()))
+    check_recorded(replayed.record for replayed in suite.replayed)
+
+
+def _placed(suite: Suite, cells: Sequence[StoredCell]) -> Leaderboard:
     """Return the leaderboard of a run with the published models that were measured as its own."""
     with_published, more = published_cells(suite)
     return Leaderboard.of(with_published, [*cells, *more])
@@ -153,7 +222,6 @@ def play_suite(
     pool: Pool,
     *,
     out: Path | None = None,
-    force: bool = False,
     on_start: OnStart = lambda remaining, total: None,
     on_cell: OnCell = lambda cell, result: None,
 ) -> list[StoredCell]:
@@ -163,7 +231,6 @@ def play_suite(
         suite: Suite to play.
         pool: Processes that play the cells.
         out: Folder of `results.sqlite`. None writes no file.
-        force: Start again, and delete earlier results in the folder.
         on_start: See `OnStart`.
         on_cell: See `OnCell`.
 
@@ -181,7 +248,7 @@ def play_suite(
                 on_cell(cell, result)
         return sorted(played, key=lambda row: str(row.cell.key))
     prepare_folder(out)
-    with ResultStore(out / "results.sqlite", suite, overwrite=force) as store:
+    with ResultStore(out / "results.sqlite", suite) as store:
         finished = store.finished_keys()
         remaining = [cell for cell in every if cell.key not in finished]
         on_start(remaining, len(every))
@@ -201,36 +268,50 @@ class InProcess:
             yield cell, play_safely(suite, cell)
 
 
-def _of_models(suite: str | Path | Suite) -> Suite:
-    """Return a suite of trust models. Raise an error for another type of suite."""
+def _loaded(suite: Any, kind: type[SuiteT], other: str) -> SuiteT:
+    """Return a suite of a kind. Raise an error that names the other function for another kind."""
     if not isinstance(suite, str | Path | SuiteSchema):
         raise ValueError(
-            f"suite is {suite!r}; it must be a Suite, the name of one, or the path of a TOML file"
+            f"suite is {suite!r}; it must be a {kind.__name__}, the name of one, or the path of a "
+            "TOML file"
         )
     loaded = suite if isinstance(suite, SuiteSchema) else load_suite(suite)
-    if not isinstance(loaded, Suite):
-        raise ValueError(
-            f"suite {loaded.name} is for {loaded.kind}; play it with `roletrust benchmark --suite "
-            f"{loaded.name}`"
-        )
+    if not isinstance(loaded, kind):
+        raise ValueError(f"suite {loaded.name} is for {loaded.kind}; {other} plays it")
     return loaded
 
 
-def _bar(stack: ExitStack, name: str) -> dict[str, Any]:
-    """Return callbacks of `play_suite` that update a progress bar. The bar closes with the
-    stack.
-    """
+def _play(
+    suite: AnySuite,
+    workers: int | Pool | None,
+    out: str | Path | None,
+    progress: bool,
+    packed: bytes = b"",
+) -> list[StoredCell]:
+    """Play a suite with a progress bar."""
     from tqdm import tqdm
 
-    bar = stack.enter_context(tqdm(desc=f"Playing {name}", unit="cell"))
+    pool: Any = workers
+    if not hasattr(workers, "play"):
+        number = None if workers is None else whole_number("workers", workers)
+        pool = InProcess() if number == 0 else LocalPool(number, packed)
+    folder, quiet_s = None if out is None else Path(out), 0 if sys.stderr.isatty() else _QUIET_S
+    with tqdm(
+        desc=f"Playing {suite.name}",
+        unit="cell",
+        disable=not progress,
+        leave=False,
+        mininterval=quiet_s or 0.1,
+        delay=quiet_s,
+    ) as bar:
 
-    def begin(remaining: Sequence[Any], total: int) -> None:
-        bar.total = total
-        bar.update(total - len(remaining))
+        def begin(remaining: Sequence[Any], total: int) -> None:
+            bar.reset(total)
+            bar.update(total - len(remaining))
 
-    def advance(cell: Any, result: CellResult) -> None:
-        if result.failed:
-            bar.write(f"{cell.key}: {result.failed}")
-        bar.update()
+        def advance(cell: Any, result: CellResult) -> None:
+            if result.failed and progress:
+                bar.write(f"{cell.key}: {result.failed}", file=sys.stderr)
+            bar.update()
 
-    return {"on_start": begin, "on_cell": advance}
+        return play_suite(suite, pool, out=folder, on_start=begin, on_cell=advance)

@@ -73,8 +73,6 @@ class ResultStore:
     Args:
         path: Path of the file.
         suite: Suite of the run to write. None opens the file for reading.
-        overwrite: Delete the previous content of the file. This fails while another run writes to
-            it.
 
     Raises:
         ValueError: The file does not exist, is damaged, is being written by another run, has
@@ -83,9 +81,7 @@ class ResultStore:
         OSError: The file cannot be written.
     """
 
-    def __init__(
-        self, path: Path, suite: AnySuite | None = None, *, overwrite: bool = False
-    ) -> None:
+    def __init__(self, path: Path, suite: AnySuite | None = None) -> None:
         self.path = path
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
@@ -96,10 +92,6 @@ class ResultStore:
             with _readable_errors(path):
                 if suite is not None:
                     self._lock = _write_lock(path)
-                    for end in (
-                        ("", *_JOURNALS) if overwrite else ()
-                    ):  # but not the lock, which is held
-                        Path(f"{path}{end}").unlink(missing_ok=True)
                 mode = "mode=rwc"
                 if suite is None:
                     journals = [
@@ -255,12 +247,11 @@ class ResultStore:
             raise ValueError(
                 f"{self.path} holds another suite (different: {', '.join(names)}), and the new one "
                 "lacks cells that "
-                "were played, or plays them in another way; give another --out, or start again "
-                "with --force"
+                "were played, or plays them in another way; give another --out"
             )
         if self.software != software():
             raise ValueError(
-                f"{self.path} was written with other software versions; start again with --force"
+                f"{self.path} was written with other software versions; give another --out"
             )
         self.check_sources(suite)
         if self.suite != suite:
@@ -302,8 +293,7 @@ class ResultStore:
         if changed:
             raise ValueError(
                 f"{self.path} was played with another source of {', '.join(changed)}, or with "
-                "other parameters; give "
-                "another --out, or start again with --force"
+                "other parameters; give another --out"
             )
 
     @contextmanager

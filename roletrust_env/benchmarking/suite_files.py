@@ -185,12 +185,12 @@ def reproduction_command(suite: AnySuite, path: Path) -> str:
     """
     name, _, seed = suite.name.partition(_WORLDS)
     options = ["--suite", name if name in _names() else f"{name}.toml"]
-    options += ["--worlds", seed] if seed else []
+    options += ["--seed", seed] if seed else []
     names = list(suite.models) if isinstance(suite, Suite) else []
     bundled = load_suite(name) if name in _names() else suite
     if isinstance(suite, LearnersSuite):
         if getattr(bundled, "learners", None) != suite.learners:
-            options += [part for learner in suite.learners for part in ("--learner", learner)]
+            names = list(suite.learners)
     elif isinstance(bundled, Suite):
         if "search" in suite.methods:
             options.append("--search")

@@ -19,7 +19,7 @@ def test_a_suite_of_the_project_is_given_by_its_name(search):
     quick = load_suite("quick", 3)
     played = selected_suite(with_search(quick) if search else quick, ["mean", "median"])
     words = shlex.split(reproduction_command(played, FILE))
-    expected = ["mean", "median", "--suite", "quick", "--worlds", "3", *["--search"] * search]
+    expected = ["mean", "median", "--suite", "quick", "--seed", "3", *["--search"] * search]
     assert words == ["roletrust", "benchmark", *expected, "--out", "results/my run"]
 
 
@@ -33,7 +33,7 @@ def test_attacks_that_replace_those_of_a_suite_are_options():
 def test_learners_are_options():
     suite = load_suite("learners").model_copy(update={"learners": ("PPO", "my.own:Learner")})
     words = shlex.split(reproduction_command(suite, FILE))
-    assert words[2:8] == ["--suite", "learners", "--learner", "PPO", "--learner", "my.own:Learner"]
+    assert words[2:6] == ["PPO", "my.own:Learner", "--suite", "learners"]
 
 
 def test_another_suite_is_given_by_its_file():

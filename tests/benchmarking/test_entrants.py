@@ -63,7 +63,6 @@ def test_results_of_other_parameters_are_not_mixed(tmp_path: Path) -> None:
     assert str(here(Slow(0.5), out=tmp_path).rows) == str(first.rows)
     with refuses(ValueError, "results.sqlite", "--out"):
         here(Slow(0.9), out=tmp_path)
-    here(Slow(0.9), out=tmp_path, force=True)
 
 
 def test_results_of_factories_with_other_parameters_are_not_mixed() -> None:

@@ -15,7 +15,7 @@ from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
 from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.play import CellPlay
-from roletrust_env.benchmarking.run import play_suite
+from roletrust_env.benchmarking.run import benchmark_learners, play_suite
 from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attackers import OpenLoop
@@ -128,11 +128,15 @@ def test_an_attacker_without_a_record_is_refused() -> None:
 
 def test_invalid_arguments_are_refused() -> None:
     needy = type("Needy", (Mean,), {"__init__": lambda self, must: None})
+    with refuses(ValueError, "attacks", "on-off"):
+        benchmark(suite=SUITE, attacks="on-off")
+    with refuses(ValueError, "quick", "closed-loop"):
+        benchmark_learners("PPO", "quick")
     for models, suite, words in (
         ("meen", SUITE, ("meen", "mean")),
         (3, SUITE, ("3",)),
         (needy, SUITE, ("Needy",)),
-        ("mean", "learners-quick", ("learners-quick", "--suite")),
+        ("mean", "learners-quick", ("learners-quick", "benchmark_learners")),
         ("mean", "quik", ("quik", "quick")),
     ):
         with refuses(ValueError, *words):

@@ -109,9 +109,6 @@ def test_a_run_with_another_source_is_not_continued(path, monkeypatch):
     refused(path, name, suite=SUITE)
     with ResultStore(path) as store:  # reading is still allowed
         assert len(store.all()) == 3
-    with ResultStore(path, SUITE, overwrite=True) as store:
-        assert not store.all()
-    ResultStore(path, SUITE).close()
 
 
 def test_a_folder_is_refused(tmp_path):
@@ -263,15 +260,6 @@ def test_other_and_damaged_files_are_refused_and_unchanged(tmp_path, writing):
 def test_a_file_with_invalid_values_is_refused(path, statement):
     execute(path, statement)
     refused(path)
-
-
-def test_overwriting_fails_while_another_run_writes(path):
-    with ResultStore(path, SUITE) as store:
-        with refuses(ValueError, "results.sqlite", "--out"):
-            ResultStore(path, SUITE, overwrite=True)
-        assert len(store.all()) == 3
-    with ResultStore(path, tiny(games=4), overwrite=True) as store:
-        assert store.all() == []
 
 
 def test_a_missing_file_is_refused(tmp_path):

@@ -46,7 +46,7 @@ def _undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
 class _InProcess:
     """A pool that plays cells in this process, where they neither hang nor die."""
 
-    def __init__(self, workers: int | None, *, records: Any = None, isolated: bool = False) -> None:
+    def __init__(self, workers: int | None, *_: Any, records: Any = None, **__: Any) -> None:
         self._records = records or {}
 
     def play(self, suite: Any, cells: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
@@ -57,5 +57,5 @@ class _InProcess:
 @pytest.fixture
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands start no processes for cells."""
-    for command in ("benchmark", "submit"):
-        monkeypatch.setattr(f"roletrust_experiments.commands.{command}.LocalPool", _InProcess)
+    for module in ("roletrust_env.benchmarking.run", "roletrust_experiments.commands.submit"):
+        monkeypatch.setattr(f"{module}.LocalPool", _InProcess)

@@ -46,17 +46,10 @@ def here(tmp_path, monkeypatch):
 
 
 def test_a_learner_of_ones_own_beside_the_suites(here, in_process):
-    asked = [
-        "--learner",
-        "all",
-        "--learner",
-        "my_learners:Always:quality=0.4",
-        "--learner",
-        "my_learners:Greedy",
-    ]
+    asked = ["all", "my_learners:Always:quality=0.4", "my_learners:Greedy"]
     result = printed(*TINY, *asked, "--out", "out", code=1)  # the greedy one plays more than it may
     told = result
-    assert "provider: 1 is the exact optimum" in told
+    assert "provider: the exact optimum" in told
     assert (
         "my_learners:Greedy|4000|0: 0 of 4000 rounds are left, and a step of 32 games needs more"
         in told
@@ -73,10 +66,7 @@ def test_a_learner_of_ones_own_beside_the_suites(here, in_process):
     before = {path.name: path.read_bytes() for path in (here / "out").glob("learners.*")}
     assert set(before) == {"learners.csv", "learners.md", "learners.png"}
     assert f"| 4,000 | `CMA-ES` | {float(cma['share']):.2f} [" in before["learners.md"].decode()
-    again = run(*TINY, *asked, "--out", "out")
-    assert "12 of 16 cells are there already" in " ".join(
-        again.output.split()
-    )  # the greedy's are tried again
+    run(*TINY, *asked, "--out", "out")
     assert {path.name: path.read_bytes() for path in (here / "out").glob("learners.*")} == before
 
 
@@ -90,16 +80,10 @@ def test_a_dry_run_tells_the_rounds(here):
     ("arguments", "words"),
     [
         (["--model", "mean"], ("--model",)),
-        (
-            ["--suite", "quick", "--learner", "PPO"],
-            ("--learner",),
-        ),
-        (["--learner", "PPOO"], ("PPOO", "PPO")),
-        (["--learner", "my_learners:MINE"], ("my_learners:MINE",)),
-        (
-            ["--learner", "os:system:command=touch hacked"],
-            ("os:system",),
-        ),
+        (["--attack", "on-off"], ("learners",)),
+        (["PPOO"], ("PPOO", "PPO")),
+        (["my_learners:MINE"], ("my_learners:MINE",)),
+        (["os:system:command=touch hacked"], ("os:system",)),
         (
             ["--suite", "theirs.toml"],
             ("my_learners:Always",),

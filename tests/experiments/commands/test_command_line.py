@@ -58,7 +58,6 @@ def test_one_spelling_for_each_concept():
         "--learner",
         "--out",
         "--json",
-        "--force",
         "--seed",
         "--games",
         "--set",

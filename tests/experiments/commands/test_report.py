@@ -13,6 +13,7 @@ from report_run import SHOWN, SUITE, lines, random_cells, small_suite, write_run
 
 from roletrust_env.benchmarking.leaderboard import COLUMNS, Leaderboard
 from roletrust_env.evaluation.specs import is_own_model
+from roletrust_experiments.report.page import report
 
 
 def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:
@@ -99,19 +100,13 @@ def test_the_page_has_the_settings_and_the_distribution_of_the_worlds(folder: Pa
 
 def test_rows_lead_to_the_pages_of_the_models(folder: Path, tmp_path: Path) -> None:
     suite = small_suite(models=["mean", "block", "roletrust_env.trust.models:Mean"])
-    page = _page_of(suite, tmp_path, "--pages", "../models/")
-    assert "--pages ../models/ --out" in page
+    file = write_run(tmp_path / "results.sqlite", suite, random_cells(suite))
+    report(file, tmp_path / "out", pages="../models/")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     for name in suite.model_names:
         link = f'<a href="../models/{name.partition(":")[0]}.html">{name}</a>'
         assert (link in page) == is_own_model(name)
     assert "../models" not in (folder / "out" / "report.html").read_text(encoding="utf-8")
-
-
-def _page_of(suite: Any, folder: Path, *options: str) -> str:
-    """Return the page of a run with random numbers."""
-    file = write_run(folder / "results.sqlite", suite, random_cells(suite))
-    printed("report", file, *options, "--out", folder / "out")
-    return (folder / "out" / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_failed_cell_is_a_warning_and_the_others_count(folder: Path, tmp_path: Path) -> None:
