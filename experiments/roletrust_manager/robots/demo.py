@@ -109,7 +109,11 @@ def run_demo(
     prepare_folder(out)
     speed = _possible_speed(speed, report)
     timeline = _run_team(out, policies, speed, seed, view, report, progress)
-    rounds = list(read_journal(out / "journal.jsonl"))
+    rounds = [
+        entry
+        for entry in read_journal(out / "journal.jsonl")
+        if timeline.round(entry.stamp) < SCENARIO.max_cycles
+    ]
     return DemoResult(
         speed, rounds, _measured(rounds, timeline), _simulated(policies, seed, progress)
     )
@@ -196,20 +200,10 @@ def _run_team(
         )
         first = len(nodes.names)
         of_agent: dict[str, Any] = {"scenario": SCENARIO, "keys": keys, "seed": seed}
-        for run, names, rounds in (
-            (run_rater_node, team.raters, None),
-            (run_camera_node, team.providers, SCENARIO.max_cycles),
-        ):
+        for run, names in ((run_rater_node, team.raters), (run_camera_node, team.providers)):
             for name in names:
-                nodes.start(
-                    name,
-                    run,
-                    name=name,
-                    policy=policies.get(name),
-                    rounds=rounds,
-                    report=_silent,
-                    **of_agent,
-                )
+                policy = policies.get(name)
+                nodes.start(name, run, name=name, policy=policy, report=_silent, **of_agent)
         for done, name in enumerate(nodes.names):
             progress("Starting", done / len(nodes.names))
             nodes.ready(name)
@@ -228,9 +222,9 @@ def _watch(nodes: NodeProcesses, journal: Path, timeline: Timeline, progress: Pr
     Raises:
         ValueError: A process has failed, or most of the last rounds lack a rater.
     """
-    end = timeline.begin(SCENARIO.max_cycles)
-    while (now := clock.now()) < end + _LAST_PERIODS * timeline.period:
-        nodes.check(*Team.of(SCENARIO).providers, end=end)
+    end = timeline.begin(SCENARIO.max_cycles + _LAST_PERIODS)
+    while (now := clock.now()) < end:
+        nodes.check()
         is_begun = journal.exists() and journal.stat().st_size
         entries = list(read_journal(journal)) if is_begun else []
         progress("Rounds", len(entries) / SCENARIO.max_cycles)

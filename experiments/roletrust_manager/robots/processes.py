@@ -8,7 +8,6 @@ from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Self
 
 from roletrust_env.interrupts import without_interrupts
-from roletrust_manager.admission import clock
 from roletrust_manager.dds.nodes.run_loop import run_with_parent
 
 _NODES = [
@@ -94,12 +93,11 @@ class NodeProcesses:
         for name in names:
             self._processes[name].pipe.send(arguments)
 
-    def check(self, *ending: str, end: int = 0) -> None:
-        """Check that no process has failed, and that none has ended too early.
+    def check(self, *ended: str) -> None:
+        """Check that no process has failed, and that none has ended.
 
         Args:
-            ending: Names of processes that end by themselves.
-            end: Time from which they may have ended, nanoseconds since 1970.
+            ended: Names of processes that may have ended.
 
         Raises:
             ValueError: A process has failed, for the given reason, or has ended.
@@ -110,7 +108,7 @@ class NodeProcesses:
                     raise ValueError(f"{name}: {pipe.recv()}")
             if process.exitcode not in (None, 0):
                 raise ValueError(f"{name} ended with exit code {process.exitcode}")
-            if process.exitcode == 0 and (name not in ending or clock.now() < end):
+            if process.exitcode == 0 and name not in ended:
                 raise ValueError(f"{name} has ended before the others")
 
     def __enter__(self) -> Self:

@@ -29,7 +29,7 @@ from roletrust_manager.dds.nodes.inboxes import (
 )
 from roletrust_manager.dds.nodes.person_detector import PersonDetector, StrangePictures
 from roletrust_manager.dds.nodes.publishers import DiagnosticsPublisher
-from roletrust_manager.dds.nodes.run_loop import SECOND, Timeline, print_line, run_rounds
+from roletrust_manager.dds.nodes.run_loop import SECOND, Timeline, print_line, run_until_signal
 from roletrust_manager.dds.rounds import MatchedRound, RoundAssembler, RoundTiming
 from roletrust_manager.dds.wire import messages
 from roletrust_manager.dds.wire.dds import Node
@@ -51,10 +51,9 @@ def run_camera_node(
     keys: Path | None = None,
     seed: int = 0,
     network: bool = False,
-    rounds: int | None = None,
     report: Callable[[str], object] = print_line,
 ) -> None:
-    """Run a camera until a signal ends the process, or for some rounds.
+    """Run a camera until a signal ends the process.
 
     Args:
         name: Name of a provider of the scenario.
@@ -68,22 +67,18 @@ def run_camera_node(
             checks signatures.
         seed: Random seed of the sensor noise of bad service and of the policy.
         network: See `Node`.
-        rounds: See `run_rounds`.
-        report: See `run_rounds`.
+        report: Function that shows a line to the user.
 
     Raises:
-        ValueError: The scenario has no such provider, a key does not exist, the rounds are over, or
-            the frames do not exist (`FramesError`).
+        ValueError: The scenario has no such provider, a key does not exist, or the frames do not
+            exist (`FramesError`).
     """
     team, period_s = Team.of(scenario), scenario.period_s
     index = _index("provider", name, team.providers)
     keyring, signer = _keys(keys, name, team.raters)
-    length = math.inf if rounds is None else rounds
     frames = scenario.frames if frames is None else frames
     loop = isinstance(frames, str | Path) and Path(frames).exists()
-    source = open_frames(
-        frames, duration_s=length * period_s, period_s=period_s, loop=loop, paced=False
-    )
+    source = open_frames(frames, duration_s=math.inf, period_s=period_s, loop=loop, paced=False)
     selector = QualitySelector(
         policy or Policy(), own_seeds(seed, len(team.raters) + index + 1)[-1]
     )
@@ -92,9 +87,10 @@ def run_camera_node(
     pictures = node.writer(f"/{name}{IMAGES}", messages.IMAGE)
     trust = TrustSubscription(node, scenario.initial_trust, keyring, trust_limits(timing))
     ratings = RatingSubscription(node, name, team.raters, timing, keyring)
-    with run_rounds(name, timeline, rounds, report) as active:
+    report(f"{name}: runs until Ctrl-C")
+    with run_until_signal() as active:
         round = timeline.next_round()
-        while active and round < length:
+        while active:
             active.sleep_until(
                 timeline.begin(round) - timeline.period // 2
             )  # time to make the picture
@@ -115,7 +111,6 @@ def run_camera_node(
                     messages.picture_message(timeline.begin(round), name, jpeg.tobytes(), signer)
                 )
             round = timeline.next_round(round)
-        active.sleep_until(timeline.begin(round))  # the last picture has a period to arrive
 
 
 def run_rater_node(
@@ -127,10 +122,9 @@ def run_rater_node(
     keys: Path | None = None,
     seed: int = 0,
     network: bool = False,
-    rounds: int | None = None,
     report: Callable[[str], object] = print_line,
 ) -> None:
-    """Run a rater until a signal ends the process, or for some rounds.
+    """Run a rater until a signal ends the process.
 
     Args:
         name: Name of a rater of the scenario.
@@ -143,11 +137,10 @@ def run_rater_node(
             signatures.
         seed: Random seed of the noise on the rater's links and of the policy.
         network: See `Node`.
-        rounds: See `run_rounds`.
-        report: See `run_rounds`.
+        report: Function that shows a line to the user.
 
     Raises:
-        ValueError: The scenario has no such rater, a key does not exist, or the rounds are over.
+        ValueError: The scenario has no such rater, or a key does not exist.
     """
     team = Team.of(scenario)
     index = _index("rater", name, team.raters)
@@ -179,7 +172,8 @@ def run_rater_node(
         ratings = selector.ratings(timeline.round(closed.stamp), perceived)
         publisher.write(messages.ratings_message(name, closed.stamp, ratings, signer))
 
-    with run_rounds(name, timeline, rounds, report) as active:
+    report(f"{name}: runs until Ctrl-C")
+    with run_until_signal() as active:
         while active:
             node.wait(timeline.period / SECOND / 20)
             trust.update()  # in each turn: the node does not wait while messages remain

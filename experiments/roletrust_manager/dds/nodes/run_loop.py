@@ -1,4 +1,4 @@
-"""The run loop of a node: the times of the rounds, and the end by a signal or after some rounds."""
+"""The run loop of a node: the times of the rounds, and the end by a signal."""
 
 import multiprocessing
 import os
@@ -74,22 +74,13 @@ class Timeline(NamedTuple):
 
 
 class RunState:
-    """State of a node: true until SIGTERM, Ctrl-C or a planned end.
+    """State of a node: true until SIGTERM or Ctrl-C."""
 
-    Args:
-        end: Time of the planned end, nanoseconds since 1970; None for none.
-    """
-
-    def __init__(self, end: int | None = None) -> None:
-        self._stopped, self._end = False, end
+    def __init__(self) -> None:
+        self._stopped = False
 
     def __bool__(self) -> bool:
-        return not (self._stopped or self.is_over)
-
-    @property
-    def is_over(self) -> bool:
-        """True from the planned end on."""
-        return self._end is not None and clock.now() >= self._end
+        return not self._stopped
 
     def stop(self, *_: object) -> None:
         """Ask the node to end."""
@@ -111,16 +102,13 @@ def print_line(line: str) -> None:
 
 
 @contextmanager
-def run_until_signal(end: int | None = None) -> Iterator[RunState]:
+def run_until_signal() -> Iterator[RunState]:
     """Turn SIGTERM and Ctrl-C into a normal end of the node.
-
-    Args:
-        end: See `RunState`.
 
     Yields:
         The state, which turns false with the signal.
     """
-    state = RunState(end)
+    state = RunState()
     before = {
         number: signal.signal(number, state.stop) for number in (signal.SIGTERM, signal.SIGINT)
     }
@@ -129,41 +117,6 @@ def run_until_signal(end: int | None = None) -> Iterator[RunState]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-@contextmanager
-def run_rounds(
-    name: str, timeline: Timeline, rounds: int | None, report: Callable[[str], object]
-) -> Iterator[RunState]:
-    """Run a node until a signal or for some rounds. It says first when it will end, and last that
-    its rounds are over.
-
-    Args:
-        name: Name of the node.
-        timeline: Start times of the rounds.
-        rounds: Number of rounds until the end; None for no end.
-        report: Function that shows a line to the user.
-
-    Yields:
-        The state.
-
-    Raises:
-        ValueError: The rounds are over.
-    """
-    end = None if rounds is None else timeline.begin(rounds)
-    if end is None:
-        report(f"{name}: runs until Ctrl-C")
-    else:
-        at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(end // SECOND))
-        if clock.now() >= end:
-            raise ValueError(
-                f"{name}: its {rounds} rounds ended at {at}; give it more rounds or a later start"
-            )
-        report(f"{name}: ends after {rounds} rounds, at {at}")
-    with run_until_signal(end) as state:
-        yield state
-    if state.is_over:
-        report(f"{name}: has ended after {rounds} rounds")
 
 
 def run_with_parent(run: Callable[..., object], /, *args: Any, **kwargs: Any) -> None:
