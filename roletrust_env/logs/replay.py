@@ -18,7 +18,7 @@ from roletrust_env.trust.beta_distribution import reputation
 from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.ratings import merge_repeats
-from roletrust_env.trust.remote import RemoteModel, round_tail
+from roletrust_env.trust.remote import Rating, RemoteModel
 from roletrust_env.trust.run import make_run
 from roletrust_env.trust.trust_run import TrustRun
 
@@ -122,10 +122,10 @@ class Ending:
         self.log, self.same_agents, self.past = log, same_agents, parts[-last:][0][1].start
         self._model, self._room = model, (log.shape[0] + more, log.shape[1] + more)
         self._last, self._rest = last, parts[-last:]
-        self._begun, self._lines = list[TrustRun](), list[str]()
+        self._begun = list[TrustRun]()
         if isinstance(model, RemoteModel):  # a game with it cannot branch
             past = [(number, self._of_log(part)) for number, part in parts[:-last]]
-            self._lines = self._messages(past, 0) or [round_tail(0, self._room, [])]
+            self._played = self._listed(past, 0) or [[]]
             return
         self._begun.append(make_run(model, self._room, one_role=not same_agents))
         for number, part in parts[:-last]:
@@ -138,23 +138,21 @@ class Ending:
         """Return some ratings of the log."""
         return HostileRatings(self.log.raters[part], self.log.ratees[part], self.log.values[part])
 
-    def _messages(self, rounds: Sequence[tuple[int, HostileRatings]], since: int) -> list[str]:
-        """Return the messages of rounds of a game with a remote model, and of those without
-        ratings between them.
+    def _listed(
+        self, rounds: Sequence[tuple[int, HostileRatings]], since: int
+    ) -> list[list[Rating]]:
+        """Return the ratings in all rounds of a game with a remote model since a round, where the
+        game begins in round 0.
         """
-        lines = list[str]()
+        listed = list[list[Rating]]()
         for number, sent in rounds:
-            while since + len(lines) <= number:
-                lines.append(round_tail(since + len(lines), self._room, []))
+            listed += [[] for _ in range(since + len(listed), number + 1)]
             raters, providers, values, _ = merge_repeats(
                 *sent, pair_keys(sent.raters, sent.providers)
             )
-            listed = [
-                list(one)
-                for one in zip(raters.tolist(), providers.tolist(), values.tolist(), strict=True)
-            ]
-            lines.append(round_tail(since + len(lines), self._room, listed))
-        return lines
+            columns = (column.tolist() for column in (raters, providers, values))
+            listed.append(list(zip(*columns, strict=True)))
+        return listed
 
     def trust(self, rounds: Sequence[HostileRatings]) -> Floats:
         """Return the trust of all providers at the end of the log.
@@ -173,9 +171,8 @@ class Ending:
             false = HostileRatings(*(column[others] for column in extra))
             ended.append((number, _joined([self._of_log(part), false])))
         if isinstance(self._model, RemoteModel):
-            return self._model.replay(
-                self._room, self._lines, self._messages(ended, len(self._lines))
-            )
+            end = self._listed(ended, len(self._played))
+            return self._model.replay(self._room, self._played, end)
         run = deepcopy(self._begun[first])
         for number, sent in ended[first:]:
             play_round(run, number, *sent)

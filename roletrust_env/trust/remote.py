@@ -13,34 +13,30 @@ import json
 import os
 import secrets
 import shlex
-import subprocess
 import sys
 import time
-import weakref
 from base64 import b64decode, b64encode
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
-from functools import cached_property, partial
+from functools import cached_property
 from hashlib import sha256
 from io import BytesIO
 from itertools import count
 from math import prod
 from pathlib import Path
 from threading import Thread
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.errors import printable, validation_message
+from roletrust_env.errors import printable, short, validation_message
 from roletrust_env.registry import make_entry, parse_entry, parse_settings
 from roletrust_env.shapes import PerPair, PerProvider, PerRater
 from roletrust_env.trust.grid_run import GridRun, check_grid_memory, pairs_of
 from roletrust_env.trust.key_index import Floats
+from roletrust_env.trust.links import HttpLink, ProcessLink
 from roletrust_env.trust.model import Peers, Traits, TrustModel, registry
 from roletrust_env.trust.ratings import Published, Ratings
 
@@ -51,151 +47,19 @@ MOST_GAMES = 20_000
 """Number of games that a program or a service has to remember. When there are more, the oldest ones
 are over."""
 
-LIMIT_S = 300.0
-"""Longest time, in seconds, that the other side may take for an answer."""
-
-_MOST_BYTES = 256_000_000  # of an answer
-_SHOWN = 300  # characters of an answer and of an error of the other side
-_ENDS_S = 1.0  # seconds for a process without output to end by itself
 _TOGETHER = 200_000  # values of trust in the answers to messages that are sent at once
 _STATES = 8  # of an isolated model that are kept
 _SAME = 1e-6  # difference of trust in a game alone and in a batch that rounding explains
 _METHODS = ("judge_trust", "preference")  # that a model may have
 
-T = TypeVar("T")
 Shape = tuple[int, int]
+"""Number of raters S and of providers P."""
 
+Rating = tuple[int, int, float]
+"""Index of the rater, index of the provider, and rating in [0, 1]."""
 
-# --- lines there and back
-# ---------------------------------------------------------------------------
-
-
-class ProcessLink:
-    """A process that reads lines from its standard input and answers on its standard output. It
-    ends with this object.
-
-    Args:
-        command: Program and arguments, as in a shell. No shell interprets it.
-        env: Environment of the process; None for that of this one.
-
-    Raises:
-        ValueError: The program cannot be started.
-    """
-
-    def __init__(self, command: str, env: Mapping[str, str] | None = None) -> None:
-        pipe = subprocess.PIPE
-        try:
-            process: Any = subprocess.Popen(
-                shlex.split(command), stdin=pipe, stdout=pipe, stderr=pipe, env=env
-            )
-        except (OSError, ValueError, IndexError) as error:
-            raise ValueError(f"it cannot be started ({error or 'the command is empty'})") from None
-        self._process, self._complaints = process, deque[bytes](maxlen=1)
-        weakref.finalize(self, _end, process)
-        complaints = iter(partial(process.stderr.readline, _MOST_BYTES), b"")
-        self._listener = Thread(target=self._complaints.extend, args=(complaints,), daemon=True)
-        self._listener.start()
-
-    def ask(self, lines: Sequence[str]) -> list[bytes]:
-        """Send lines and return their answers.
-
-        Args:
-            lines: Lines with their ends; a text of several lines has one answer.
-
-        Raises:
-            ValueError: The process has ended, or takes too long. It is ended then.
-        """
-        try:
-            answers = _in_time(partial(self._exchange, lines))
-        except ValueError:
-            _end(self._process)
-            raise
-        if len(answers) == len(lines) and answers[-1].endswith(b"\n"):
-            return answers
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_ENDS_S)
-        code = self._process.poll()
-        _end(self._process)
-        self._listener.join(1.0)
-        what = "closed its output" if code is None else f"ended with exit code {code}"
-        said = "".join(f": {_shown(line.strip())}" for line in list(self._complaints))
-        raise ValueError(f"it has {what}{said}")
-
-    def _exchange(self, lines: Sequence[str]) -> list[bytes]:
-        answers = []
-        with suppress(OSError):  # the process has ended, and answers are missing
-            for line in lines:
-                self._process.stdin.write(line.encode())
-                self._process.stdin.flush()
-                answers.append(self._process.stdout.readline(_MOST_BYTES))
-        return answers
-
-
-class HttpLink:
-    """An HTTP service: lines are posted, and the body of the response has the answers.
-
-    Args:
-        url: Address of the service.
-    """
-
-    def __init__(self, url: str) -> None:
-        self._url = url
-
-    def ask(self, lines: Sequence[str]) -> list[bytes]:
-        """Send lines and return their answers. See `ProcessLink.ask`."""
-        answers = _in_time(partial(self._post, "".join(lines).encode())).splitlines()
-        if len(answers) != len(lines):
-            raise ValueError(f"it answered {len(answers)} lines to {len(lines)}")
-        return answers
-
-    def _post(self, body: bytes) -> bytes:
-        from urllib.request import Request, urlopen
-
-        request = Request(self._url, body, {"Content-Type": "application/x-ndjson"})
-        try:
-            with urlopen(request, timeout=LIMIT_S) as response:
-                answer: bytes = response.read(_MOST_BYTES)
-                left = response.length
-        except Exception as error:  # what is not HTTP raises many things
-            shown = _shown(f"{type(error).__name__}: {error}".encode())
-            raise ValueError(f"it gave no HTTP answer ({shown})") from None
-        if left:
-            raise ValueError(f"its answer breaks off: {left} bytes are missing")
-        return answer
-
-
-def _in_time(work: Callable[[], T]) -> T:
-    """Return the result of a function that may never end, such as one that waits for an answer.
-
-    Raises:
-        ValueError: It has not ended in time.
-    """
-    future: Future[T] = Future()
-
-    def run() -> None:
-        try:
-            future.set_result(work())
-        except Exception as error:
-            future.set_exception(error)
-
-    Thread(target=run, daemon=True).start()
-    try:
-        return future.result(LIMIT_S)
-    except TimeoutError:
-        raise ValueError(f"it has not answered for {LIMIT_S:g} s") from None
-
-
-def _end(process: "subprocess.Popen[bytes]") -> None:
-    process.kill()
-    process.wait()
-
-
-def _shown(text: bytes) -> str:
-    return printable(text.decode(errors="replace")[:_SHOWN])
-
-
-# --- messages and answers
-# ---------------------------------------------------------------------------
+Rounds = Sequence[Sequence[Rating]]
+"""Ratings of several rounds or games."""
 
 _Index = Annotated[int, Field(ge=0)]
 _Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
@@ -232,28 +96,25 @@ class _Answer(BaseModel):
     preference: bool = False
 
 
-def round_tail(round: int, shape: Shape, ratings: list[list[float]]) -> str:
-    """Return the message of a round without the number of its game, which comes first."""
-    return json.dumps(
-        {"round": round, "raters": shape[0], "providers": shape[1], "ratings": ratings}
-    )[1:]
+def _line(game: int, round: int, shape: Shape, ratings: Sequence[Rating]) -> str:
+    """Return the message of a round of a game."""
+    game_and_round = {"game": game, "round": round, "raters": shape[0], "providers": shape[1]}
+    return json.dumps({**game_and_round, "ratings": ratings})
 
 
-def _headed(number: int, tail: str) -> str:
-    return f'{{"game": {number}, {tail}'
+def _packed(*arrays: Array | None) -> list[str | None]:
+    """Return arrays in the format NPY, as base64."""
+    texts: list[str | None] = []
+    for array in arrays:
+        stream = BytesIO()
+        if array is not None:
+            np.save(stream, np.asarray(array), allow_pickle=False)
+        texts.append(b64encode(stream.getvalue()).decode() or None)
+    return texts
 
 
-def _packed(array: Array | None) -> str | None:
-    """Return an array in the format NPY, as base64."""
-    if array is None:
-        return None
-    stream = BytesIO()
-    np.save(stream, np.asarray(array), allow_pickle=False)
-    return b64encode(stream.getvalue()).decode()
-
-
-def _unpacked(text: str | None) -> Any:
-    return text and np.load(BytesIO(b64decode(text)), allow_pickle=False)
+def _unpacked(texts: Sequence[str | None]) -> list[Any]:
+    return [text and np.load(BytesIO(b64decode(text)), allow_pickle=False) for text in texts]
 
 
 def _to_arrays(ratings: Ratings) -> list[Array | None]:
@@ -269,10 +130,6 @@ def _from_arrays(values: Array, mask: Array | None, *own: Array | None) -> Ratin
     return Ratings(values, mask, experience=Ratings(*own) if own else None)
 
 
-# --- the models
-# -------------------------------------------------------------------------------------
-
-
 class _Client(Published):
     """A trust model at the other side of a link."""
 
@@ -283,11 +140,7 @@ class _Client(Published):
         self._over = list[int]()  # numbers of games; the next message says that they are over
 
     def _ask(self, lines: Sequence[str], shape: Shape = (0, 0)) -> Iterator[_Answer]:
-        """Send messages, many at a time, and yield their answers.
-
-        Args:
-            lines: Messages.
-            shape: Numbers of raters and providers of which the answers have the trust.
+        """Send messages, many at a time, and yield their answers, with trust of a shape of agents.
 
         Raises:
             ValueError: The other side fails, or answers what is not allowed.
@@ -308,15 +161,13 @@ class _Client(Published):
     def _read(self, line: bytes, shape: Shape) -> _Answer:
         try:
             answer = _Answer.model_validate_json(line)
-            error = answer.error
-        except ValidationError as wrong:
-            error = validation_message(wrong)
-        else:
-            sizes = len(answer.raters or range(shape[0])), len(answer.providers)
-            if not error and sizes != shape:
-                error = f"it has trust of {sizes} raters and providers; it must be of {shape}"
-        if error:
-            raise ValueError(f"{self}: {_shown(error.encode())}, in its answer {_shown(line)!r}")
+        except ValidationError as error:
+            wrong = f"{validation_message(error)}, in its answer {line.decode(errors='replace')}"
+            raise ValueError(f"{self}: {short(wrong.strip())}") from None
+        sizes = len(answer.raters or range(shape[0])), len(answer.providers)
+        if answer.error or sizes != shape:
+            wrong = f"it has trust of {sizes} raters and providers; it must be of {shape}"
+            raise ValueError(f"{self}: {short(answer.error or wrong)}")
         return answer
 
 
@@ -356,8 +207,8 @@ class RemoteModel(_Client):
         # A service may have games of several processes, which do not know of each other.
         self._numbers = count(secrets.randbits(32) << 20)
         self._rounds: dict[int, int] = {}
-        # Messages of a game that further games begin as copies of, and its number.
-        self._past: tuple[Sequence[str], int] | None = None
+        # Ratings of a game that further games begin as copies of, and its number.
+        self._past: tuple[Rounds, int] | None = None
 
     def __repr__(self) -> str:
         """Return the call that makes the model."""
@@ -404,20 +255,18 @@ class RemoteModel(_Client):
                     f"{self} cannot go back to round {round} of a game: a model outside cannot "
                     f"branch, be copied in a game, or play more than {MOST_GAMES:,} games at once"
                 )
-        values, rated = (
-            np.asarray(x).reshape(*ratings.shape, -1) for x in (ratings.values, ratings.weights)
-        )
+        columns = (ratings.values, ratings.weights)
+        values, rated = (np.asarray(x).reshape(*ratings.shape, -1) for x in columns)
         given = values.tolist()
         listed = [
             [(i, j, given[i][j][game]) for i, j in np.argwhere(rated[..., game]).tolist()]
             for game in range(len(numbers))
         ]
         after = [round + 1 for round in rounds]
-        return _state(
-            ratings.values, numbers, after, self._send(numbers, after, ratings.shape, listed)
-        )
+        answers = self._send(numbers, after, ratings.shape, listed)
+        return _state(ratings.values, numbers, after, answers)
 
-    def replay(self, shape: Shape, past: Sequence[str], tails: Sequence[str]) -> Floats:
+    def replay(self, shape: Shape, past: Rounds, end: Rounds) -> Floats:
         """Play a game of known rounds, and return the trust in the providers at its end, shape
         (P,).
 
@@ -426,24 +275,24 @@ class RemoteModel(_Client):
 
         Args:
             shape: Numbers of raters and providers, (S, P).
-            past: Messages of the first rounds, see `round_tail`.
-            tails: Messages of the rounds after it.
+            past: Ratings of the first rounds; round 0 has none.
+            end: Ratings of the rounds after it.
 
         Raises:
             ValueError: The other side fails, or its answer is wrong.
         """
-        number = next(self._numbers)
-        lines = [_headed(number, tail) for tail in past]
+        number, copies = next(self._numbers), False
         if self._past is None or self._past[0] is not past:
-            self._past = None
+            lines = [_line(number, round, shape, given) for round, given in enumerate(past)]
             for answer in self._ask(lines, shape):
-                if answer.copies:
-                    self._past = past, number
-            lines = []
+                copies = copies or answer.copies
+            self._past = (past, number) if copies else None
+        begin = []
         if self._past is not None:
             number = next(self._numbers)
-            lines = [json.dumps({"game": number, "copy": self._past[1]})]
-        for answer in self._ask([*lines, *(_headed(number, tail) for tail in tails)], shape):
+            begin = [json.dumps({"game": number, "copy": self._past[1]})]
+        lines = [_line(number, round, shape, given) for round, given in enumerate(end, len(past))]
+        for answer in self._ask([*begin, *lines], shape):
             last = answer
         self._over.append(number)
         return np.array(last.providers)
@@ -453,12 +302,10 @@ class RemoteModel(_Client):
         numbers = [next(self._numbers) for _ in range(games)]
         return numbers, self._send(numbers, [0] * games, shape, [[]] * games)
 
-    def _send(
-        self, numbers: list[int], rounds: list[int], shape: Shape, listed: list[Any]
-    ) -> list[_Answer]:
+    def _send(self, numbers: Any, rounds: Any, shape: Shape, listed: Rounds) -> list[_Answer]:
         """Send a message for each game and return the answers."""
         games = zip(numbers, rounds, listed, strict=True)
-        lines = [_headed(number, round_tail(round, shape, given)) for number, round, given in games]
+        lines = [_line(number, round, shape, given) for number, round, given in games]
         answers = list(self._ask(lines, shape))
         self._rounds.update(zip(numbers, rounds, strict=True))
         for oldest in list(self._rounds)[:-MOST_GAMES]:
@@ -468,15 +315,14 @@ class RemoteModel(_Client):
 
 
 def _state(like: Array, numbers: Any, rounds: Any, answers: list[_Answer]) -> RemoteState:
-    xp, batch, device = namespace(like), like.shape[2:], like.device
-    tor = [answer.raters or [1.0] * len(like) for answer in answers]
-    top = [answer.providers for answer in answers]
+    xp, batch = namespace(like), like.shape[2:]
+    tor = np.array([answer.raters or [1.0] * len(like) for answer in answers])
+    top = np.array([answer.providers for answer in answers])
+    parts = (np.reshape(numbers, batch), np.reshape(rounds, batch))
+    trusts = (part.T.reshape(-1, *batch) for part in (tor, top))
     return RemoteState(
-        *(xp.asarray(np.reshape(part, batch), device=device) for part in (numbers, rounds)),
-        *(
-            xp.asarray(np.array(part).T.reshape(-1, *batch), dtype=like.dtype, device=device)
-            for part in (tor, top)
-        ),
+        *(xp.asarray(part, device=like.device) for part in parts),
+        *(xp.asarray(part, dtype=like.dtype, device=like.device) for part in trusts),
     )
 
 
@@ -493,11 +339,10 @@ class RemoteFactory:
     kind = RemoteModel
 
     def __init__(self, address: str) -> None:
-        digest = sha256(address.encode())
-        for word in address.partition(":")[2].split() if address.startswith("exec:") else ():
-            with suppress(OSError):
-                digest.update(Path(word).read_bytes())
-        self.address, self.fingerprint = address, digest.hexdigest()
+        files = [Path(word) for word in address.partition(":")[2].split()]
+        contents = [file.read_bytes() for file in files if file.is_file()]
+        self.address = address
+        self.fingerprint = sha256(b"".join([address.encode(), *contents])).hexdigest()
 
     def __call__(self) -> RemoteModel:
         """Return the model."""
@@ -505,14 +350,8 @@ class RemoteFactory:
 
 
 class IsolatedState(NamedTuple):
-    """State of an isolated model.
-
-    Attributes:
-        number: Number of the state in the other process, shape (...).
-        tor: Trust of each rater, shape (S, ...).
-        top: Trust of each provider, shape (P, ...).
-        judged: Trust of each provider as each rater sees it, shape (S, P, ...); None for a central
-            model.
+    """Number of the state in the other process, shape (...); trust of the raters, of the providers,
+    and of each provider as each rater sees it, shape (S, P, ...), None for a central model.
     """
 
     number: Array
@@ -522,9 +361,8 @@ class IsolatedState(NamedTuple):
 
 
 class IsolatedModel(_Client):
-    """A trust model in a process of its own, which ends with this object. It runs on NumPy arrays.
-
-    The process keeps the latest 8 states, so a game cannot go on from earlier ones.
+    """A trust model in a process of its own, which ends with this object. It runs on NumPy arrays,
+    and keeps the latest 8 states, so a game cannot go on from earlier ones.
 
     Games of a batch have the same noise, so a model that compares them sees which agents attack.
     Therefore a second process plays one game of each batch, drawn at random, alone: trust must be
@@ -598,29 +436,21 @@ class IsolatedModel(_Client):
         return preference
 
     def _compare(self, state: IsolatedState, game: tuple[int, ...], alone: IsolatedState) -> None:
-        """Remember the state of the game that is played alone.
-
-        Raises:
-            ValueError: Trust in the batch is different.
+        """Remember the state of the game that is played alone; refuse different trust in the
+        batch.
         """
         for own, other in zip(state[1:], alone[1:], strict=True):
-            if own is not None and not (
-                (difference := abs(_column(own, game) - other).max()) <= _SAME
-            ):
+            difference = 0.0 if own is None else abs(_column(own, game) - other).max()
+            if not difference <= _SAME:
                 raise ValueError(
-                    f"{self}: trust in a game differs by {difference:.2g} from that in the same "
-                    "game alone; it must follow from the ratings of the game, and not from other "
-                    "games"
+                    f"{self}: trust in game {game} of a batch differs by {difference:.2g} from "
+                    "that in the same game alone; it must not depend on other games"
                 )
         self._alone[self._latest] = game, alone
         self._alone.pop(self._latest - _STATES, None)
 
     def _number(self, state: IsolatedState) -> int:
-        """Return the number of a state.
-
-        Raises:
-            ValueError: It is a mixture of states, or not one of the latest.
-        """
+        """Return the number of a state; refuse a mixture of states, and one that is too old."""
         numbers = np.unique(state.number).tolist()
         if len(numbers) != 1 or numbers[0] <= self._latest - _STATES:
             raise ValueError(
@@ -636,14 +466,10 @@ class IsolatedModel(_Client):
         return IsolatedState(np.broadcast_to(self._latest, like.shape[2:]), tor, top, judged)
 
     def _arrays(self, message: dict[str, Any], given: list[Array | None]) -> list[Any]:
-        """Send a message with arrays, and return those of the answer.
-
-        Raises:
-            ValueError: The model fails, or its answer has no arrays of numbers.
-        """
-        (answer,) = self._ask([json.dumps({**message, "arrays": list(map(_packed, given))})])
+        """Send a message with arrays, and return those of the answer."""
+        (answer,) = self._ask([json.dumps({**message, "arrays": _packed(*given)})])
         try:
-            return list(map(_unpacked, answer.arrays))
+            return _unpacked(answer.arrays)
         except Exception:  # bytes that are not those of an array raise many things
             raise ValueError(f"{self}: its answer has no arrays of numbers") from None
 
@@ -651,10 +477,6 @@ class IsolatedModel(_Client):
 def _column(array: Array | None, game: tuple[int, ...]) -> Any:
     """Return the part of an array that is about one game of a batch, with one axis for it."""
     return None if array is None else array[(..., *game, None)]
-
-
-# --- the other side
-# ---------------------------------------------------------------------------------
 
 
 class TrustService:
@@ -695,11 +517,12 @@ class TrustService:
             return json.dumps({**Traits.of(model)._asdict(), **methods})
         if message.choose:
             state = self._run(message.game).state
-            return _answer_arrays(model.preference(state, *map(_unpacked, message.arrays)))
+            wanted = model.preference(state, *_unpacked(message.arrays))
+            return json.dumps({"arrays": _packed(wanted)})
         run = self._games[message.game] = self._played(message)
         if message.arrays:
             judged = model.judge_trust(run.state) if methods["judge_trust"] else None
-            return _answer_arrays(run.rater_trust, run.provider_trust, judged)
+            return json.dumps({"arrays": _packed(run.rater_trust, run.provider_trust, judged)})
         trust = {"providers": run.provider_trust.tolist()}
         if model.rates_raters:
             trust["raters"] = run.rater_trust.tolist()
@@ -712,37 +535,32 @@ class TrustService:
 
     def _played(self, message: _Message) -> GridRun:
         """Return a run after a message; the one before it is as it was."""
-        shape, arrays = (message.raters, message.providers), map(_unpacked, message.arrays)
-        if message.copied is not None:
-            run = copy(self._run(message.copied))
-            if message.arrays:
-                run.update(_from_arrays(*arrays))
-            return run
-        if message.arrays:
-            return GridRun(self._model, *arrays)
-        if message.round == 0:
+        shape, arrays = (message.raters, message.providers), _unpacked(message.arrays)
+        source = message.game if message.copied is None else message.copied
+        if message.copied is None and message.round == 0:
+            if arrays:
+                return GridRun(self._model, *arrays)
             if message.ratings or not all(shape):
                 raise ValueError(
-                    f"game {message.game} begins with {len(message.ratings)} ratings, {shape[0]} "
-                    f"raters and {shape[1]} providers; round 0 has no ratings, and agents of both "
-                    "roles"
+                    f"game {source} begins with {len(message.ratings)} ratings, {shape[0]} raters "
+                    f"and {shape[1]} providers; it must begin without ratings, with both roles"
                 )
             check_grid_memory(self._model, shape)
             return GridRun(self._model, np.zeros(shape), pairs_of(shape, one_role=True))
-        run, table = copy(self._run(message.game)), np.array(message.ratings).reshape(-1, 3)
-        raters, providers = table[:, :2].T.astype(np.int64)
-        run.play(raters, providers, table[:, 2])
-        if (run.rounds, run.shape) != (message.round, shape):
-            raise ValueError(
-                f"game {message.game} goes to round {run.rounds} with {run.shape[0]} raters and "
-                f"{run.shape[1]} providers; the message is of round {message.round} with "
-                f"{shape[0]} and {shape[1]}"
-            )
+        run = copy(self._run(source))
+        if arrays:
+            run.update(_from_arrays(*arrays))
+        elif message.round or message.ratings:
+            table = np.array(message.ratings).reshape(-1, 3)
+            raters, providers = table[:, :2].T.astype(np.int64)
+            run.play(raters, providers, table[:, 2])
+            if (run.rounds, run.shape) != (message.round, shape):
+                raise ValueError(
+                    f"game {source} goes to round {run.rounds} with {run.shape[0]} raters and "
+                    f"{run.shape[1]} providers; the message is of round {message.round} with "
+                    f"{shape[0]} and {shape[1]}"
+                )
         return run
-
-
-def _answer_arrays(*arrays: Array | None) -> str:
-    return json.dumps({"arrays": list(map(_packed, arrays))})
 
 
 def _end_with(parent: int) -> None:
@@ -758,7 +576,7 @@ def main(text: str, *offered: str) -> None:
 
     Args:
         text: Model, see `IsolatedModel`.
-        *offered: Further parameters `name=value`, see `IsolatedModel`.
+        *offered: Further parameters, each as `name=value`, see `IsolatedModel`.
     """
     with os.fdopen(os.dup(1), "w") as answers:
         os.dup2(2, 1)

@@ -5,11 +5,8 @@ import gc
 import json
 import pickle
 import shutil
-import socket
 import sys
 import threading
-import time
-from contextlib import suppress
 from functools import partial
 from http.server import HTTPServer
 from typing import Any
@@ -33,17 +30,13 @@ from roletrust_env.evaluation.specs import (
 )
 from roletrust_env.testing import trust_models as checks
 from roletrust_env.testing.trust_models import RoundRatings, play_rounds, random_rounds, read_trust
-from roletrust_env.trust import Ratings, remote
+from roletrust_env.trust import Ratings, links, remote
 from roletrust_env.trust.model import Traits, registry
 from roletrust_env.trust.model_checks import needs_watching, try_trust_model
-from roletrust_env.trust.models.central.means import Mean
 from roletrust_env.trust.random_order import RandomOrder
 from roletrust_env.trust.remote import (
-    HttpLink,
     IsolatedModel,
-    ProcessLink,
     RemoteModel,
-    TrustService,
 )
 
 PAGE = HOUSE / "docs/guide/outside.md"
@@ -145,8 +138,10 @@ def test_the_messages_on_the_page_are_those_of_the_protocol(tmp_path):
     shape, ratings = (message["raters"], message["providers"]), np.full((4, 2), np.nan)
     for rater, provider, rating in message["ratings"]:
         ratings[rater, provider] = rating
-    tail = remote.round_tail(message["round"], shape, message["ratings"])
-    assert json.loads(remote._headed(message["game"], tail)) == message
+    assert (
+        json.loads(remote._line(message["game"], message["round"], shape, message["ratings"]))
+        == message
+    )
     model = RemoteModel(echo(tmp_path, repr(answer)))
     state = model.update(model.start(np.zeros(shape)), Ratings(ratings, ratings == ratings))
     assert model.provider_trust(state).tolist() == answer["providers"]
@@ -184,106 +179,6 @@ def test_trust_of_raters_is_there_if_the_model_has_it(tmp_path):
 def test_a_wrong_answer_is_one_clear_error(tmp_path, answer, words):
     with refuses(ValueError, *words):
         played(echo(tmp_path, answer))
-
-
-def linked(folder, text):
-    """The link to a Python program."""
-    return ProcessLink(program(folder, text).removeprefix("exec:"))
-
-
-@pytest.mark.parametrize("text", ["import sys; sys.stdin.read()", "import time; time.sleep(60)"])
-@pytest.mark.parametrize("line", ["{}\n", "1" * 1_000_000 + "\n"])
-def test_a_process_that_does_not_answer_is_ended(tmp_path, monkeypatch, text, line):
-    monkeypatch.setattr(remote, "LIMIT_S", 0.2)
-    link = linked(tmp_path, text)
-    with refuses(ValueError, "0.2"):
-        link.ask([line])
-    assert link._process.poll() is not None
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("import os, time; os.close(1); time.sleep(60)", ()),
-        (
-            "import sys; print('no \\x1b[2J\\a', file=sys.stderr); exit(3)",
-            ("3", "\\x1b[2J\\x07"),
-        ),
-    ],
-)
-def test_a_process_that_stops_to_answer_is_one_line_at_once(tmp_path, monkeypatch, text, words):
-    monkeypatch.setattr(remote, "_ENDS_S", 0.1)
-    link, began = linked(tmp_path, text), time.monotonic()
-    for _ in range(2):
-        with refuses(ValueError, *words):
-            link.ask(["{}\n"])
-    assert time.monotonic() - began < 30
-
-
-@pytest.fixture
-def peer():
-    """A function from what a peer sends, part by part, to a link to it."""
-    sockets = []
-
-    def start(parts):
-        listener = socket.create_server(("127.0.0.1", 0))
-
-        def serve():
-            with suppress(OSError):
-                connection, _ = listener.accept()
-                sockets.append(connection)
-                connection.recv(65536)
-                for part in parts:
-                    connection.sendall(part)
-                connection.shutdown(socket.SHUT_WR)
-
-        sockets.append(listener)
-        threading.Thread(target=serve, daemon=True).start()
-        return HttpLink(f"http://127.0.0.1:{listener.getsockname()[1]}")
-
-    yield start
-    for one in sockets:
-        one.close()
-
-
-OK = b"HTTP/1.1 200 OK\r\n"
-
-
-@pytest.mark.parametrize(
-    ("answer", "words"),
-    [
-        (b"\x1b[31mI am no server\r\n\r\n", ("BadStatusLine",)),
-        (b"", ("RemoteDisconnected",)),
-        (OK + b"Transfer-Encoding: chunked\r\n\r\nzz\r\n{}", ("IncompleteRead",)),
-        (OK + b"Content-Length: 100\r\n\r\n{}", ("98",)),
-        (OK + b"X: y\r\n" * 101 + b"\r\n", ("HTTPException", "100")),
-        (OK + b"X: " + b"y" * 70_000 + b"\r\n\r\n", ("LineTooLong", "65536")),
-        (
-            b"HTTP/1.1 500 \x1b[31mred\x07\r\nContent-Length: 0\r\n\r\n",
-            ("500", "\\x1b[31mred\\x07"),
-        ),
-        (b"HTTP/1.1 302 Go\r\nLocation: file:///etc/passwd\r\n\r\n", ("HTTPError", "302")),
-        (OK + b"Content-Length: 6\r\n\r\n{}\n{}\n", ("2", "1")),
-    ],
-)
-def test_what_is_no_answer_is_one_printable_line(peer, answer, words):
-    with refuses(ValueError, *words) as error:
-        peer([answer]).ask(["{}\n"])
-    assert str(error.value).isprintable()
-    assert len(str(error.value)) < 600
-
-
-def test_a_service_has_one_deadline_for_its_whole_answer(peer, monkeypatch):
-    monkeypatch.setattr(remote, "LIMIT_S", 0.3)
-
-    def drip():
-        yield OK
-        while True:
-            time.sleep(0.02)
-            yield b"X: y\r\n"[:1]
-
-    with refuses(ValueError, "0.3"):
-        peer(drip()).ask(["{}\n"])
 
 
 @pytest.mark.parametrize(
@@ -359,176 +254,6 @@ def test_an_address_is_a_model_wherever_a_name_is(service):
     assert parse_trust_model(service, scenario).address == service
     with refuses(ValueError, "exec"):
         make_trust_model("exec")
-
-
-# --- the other side
-
-SHAPE = (4, 3)
-
-
-def message(game=1, round=0, ratings=(), shape=SHAPE, **changes):
-    fields = {
-        "game": game,
-        "round": round,
-        "raters": shape[0],
-        "providers": shape[1],
-        "ratings": list(ratings),
-    }
-    return json.dumps({**fields, **changes})
-
-
-@pytest.mark.parametrize("name", registry.names())
-def test_every_model_gives_the_trust_of_a_game(name):
-    model, rounds = make_trust_model(name), list(random_rounds(SHAPE))
-    service = TrustService(model)
-    service.answer(message())
-    for k, (ratings, mask) in enumerate(rounds, 1):
-        given = [
-            [int(i), int(j), float(ratings[i, j])] for i, j in zip(*np.nonzero(mask), strict=True)
-        ]
-        answer = json.loads(service.answer(message(round=k, ratings=given)))
-    tor, top = read_trust(model, play_rounds(model, rounds, np.zeros(SHAPE), np.zeros(SHAPE, bool)))
-    assert answer["providers"] == top.tolist()
-    assert answer.get("raters") == (tor.tolist() if model.rates_raters else None)
-
-
-def test_games_are_apart_and_can_end():
-    service = TrustService(make_trust_model("role-trust"))
-    for game in (1, 2):
-        service.answer(message(game))
-    service.answer(message(1, 1, [[0, 0, 1.0]]))
-    first = service.answer(message(2, 1, [[0, 0, 0.0]]))
-    assert service.answer(json.dumps({"over": [2, 3]})) is None
-    with refuses(ValueError, "game", "2"):
-        service.answer(message(2, 2))
-    service.answer(message(2))
-    assert service.answer(message(2, 1, [[0, 0, 0.0]])) == first
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("nonsense", ("JSON",)),
-        ("[" * 100_000, ("JSON",)),
-        ("[]", ("table",)),
-        ('{"over": 3}', ("over", "3")),
-        (message(game="x"), ("game",)),
-        (message(round=-1), ("round",)),
-        (message(raters=0), ("raters",)),
-        (message(qualities=[]), ("qualities",)),
-        (message(ratings=[[0, 0, 0.5]]), ("game", "1", "ratings")),
-        (message(round=2), ("game 1", "round 2")),
-        (message(game=2, round=1), ("game 2",)),
-        (message(round=1, shape=(3, 3)), ("game 1", "4", "round 1", "3")),
-        (message(round=1, ratings=[[4, 0, 0.5]]), ("game 1", "5", "4")),
-        (message(round=1, ratings=[[0, -1, 0.5]]), ("ratings",)),
-        (message(round=1, ratings=[[0, 0, 1.5]]), ("ratings",)),
-        (message(round=1, ratings=[[0, 0, float("nan")]]), ("ratings",)),
-        (message(round=True), ("round",)),
-        (message(round=1, ratings=[[0, 0, "0.5"]]), ("ratings",)),
-    ],
-)
-def test_a_bad_message_is_one_error_and_changes_nothing(line, words):
-    service = TrustService(make_trust_model("role-trust"))
-    service.answer(message())
-    with refuses(ValueError, *words):
-        service.answer(line)
-    assert "providers" in json.loads(service.answer(message(round=1, ratings=[[0, 0, 0.5]])))
-
-
-@pytest.mark.parametrize("shape", [(10**9, 3), (100_000, 100_000)])
-def test_a_game_that_does_not_fit_is_refused(shape):
-    service = TrustService(make_trust_model("role-trust"))
-    service.answer(message())
-    with refuses(MemoryError, f"{shape[0]:,}"):
-        service.answer(message(shape=shape))
-    with refuses(MemoryError, f"{shape[0] + 1:,}"):
-        service.answer(message(round=1, ratings=[[shape[0], shape[1], 0.5]]))
-
-
-def test_ratings_of_one_pair_count_as_their_mean():
-    answers = set()
-    for ratings in ([[0, 0, 0.5], [0, 0, 0.75]], [[0, 0, 0.625]]):
-        service = TrustService(make_trust_model("role-trust"))
-        service.answer(message())
-        answers.add(service.answer(message(round=1, ratings=ratings)))
-    assert len(answers) == 1
-
-
-class Broken(Mean):
-    def provider_trust(self, state):
-        return super().provider_trust(state) + (2 if (state.top > 0.6).any() else 0)
-
-    def update(self, state, ratings):
-        if (ratings.values == 0.25).any():
-            raise RuntimeError("a quarter")
-        return super().update(state, ratings)
-
-
-def test_a_model_that_fails_is_one_error():
-    service = TrustService(Broken())
-    service.answer(message())
-    with refuses(ValueError, "0", "RuntimeError"):
-        service.answer(message(round=1, ratings=[[0, 0, 0.25]]))
-    with refuses(ValueError, "provider_trust", "2.75"):
-        service.answer(message(round=1, ratings=[[0, 0, 1.0]]))
-    assert "providers" in json.loads(service.answer(message(round=1, ratings=[[0, 0, 0.5]])))
-
-
-def test_a_copy_of_a_game_goes_on_apart_from_it():
-    service = TrustService(make_trust_model("mean"))
-    assert json.loads(service.answer(message()))["copies"] is True
-    service.answer(message(round=1, ratings=[[0, 0, 1.0]]))
-    before = json.loads(service.answer(json.dumps({"game": 9, "copy": 1})))
-    apart = json.loads(service.answer(message(9, round=2, ratings=[[0, 0, 0.0]])))
-    assert before["providers"][0] > apart["providers"][0]
-    assert json.loads(service.answer(json.dumps({"game": 8, "copy": 1}))) == before
-    with refuses(ValueError, "game", "77"):
-        service.answer(json.dumps({"game": 9, "copy": 77}))
-
-
-def test_a_message_may_be_a_round_of_a_copy():
-    service = TrustService(make_trust_model("mean"))
-    service.answer(message())
-    for game, rating in ((8, 1.0), (9, 0.0)):
-        service.answer(json.dumps({"game": game, "copy": 1}))
-        answer = json.loads(service.answer(message(game, 1, [[0, 0, rating]])))
-        assert (answer["providers"][0] > 0.5) == (rating > 0.5)
-
-
-def served(folder, text, name):
-    """A model of a module in a process of its own, as a program."""
-    (folder / "their_own.py").write_text(text)
-    code = f"import sys; sys.path.append({str(folder)!r}); "
-    code += "from roletrust_env.trust.remote import main; main(sys.argv[1])"
-    return RemoteModel(f"exec:{sys.executable} -c {code!r} their_own:{name}")
-
-
-def test_the_service_answers_standard_input():
-    address = f"exec:{sys.executable} -m roletrust_env.trust.remote beta:keep=0.8"
-    apart, own = (
-        evaluate(model, "bad-mouthing", "market", games=2)
-        for model in (RemoteModel(address), make_trust_model("beta", keep=0.8))
-    )
-    assert apart.utility.mean == own.utility.mean
-
-
-def test_a_model_that_fails_at_the_start_is_one_line_of_the_client(tmp_path):
-    text = "from roletrust_env.trust.models.central.means import Mean\n"
-    text += "class Fails(Mean):\n    def start(self, like):\n        raise KeyError('lost')\n"
-    with refuses(ValueError, "KeyError", "lost"):
-        served(tmp_path, text, "Fails").start(np.zeros(SHAPE))
-
-
-def test_a_model_that_is_not_known_is_one_line_of_the_client(tmp_path):
-    with refuses(ValueError, "Nobody", "1"):
-        served(tmp_path, "", "Nobody").start(np.zeros(SHAPE))
-
-
-def test_names_of_fields_are_escaped():
-    with refuses(ValueError, "\\x1b[31m") as error:
-        TrustService(Mean()).answer(message(**{"\x1b[31m": 1}))
-    assert str(error.value).isprintable()
 
 
 # --- models in processes of their own
@@ -675,7 +400,7 @@ def test_a_model_that_misbehaves_is_one_clear_error(
 
 def test_a_model_that_hangs_is_one_clear_error(models: str, monkeypatch: Any) -> None:
     model = IsolatedModel(f"{models}:Hanging", OFFERED)
-    monkeypatch.setattr(remote, "LIMIT_S", 0.5)
+    monkeypatch.setattr(links, "LIMIT_S", 0.5)
     with refuses(ValueError, "Hanging", "0.5"):
         scores(model)
 
