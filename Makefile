@@ -103,7 +103,10 @@ benchmark: setup
 	$(BIN)/roletrust benchmark all --search --out $(OUT)/standard
 	$(BIN)/python -c "from pathlib import Path; from roletrust_experiments.report.page import report; \
 		report(Path('$(OUT)/standard/results.sqlite'), Path('docs/leaderboards/standard'), pages='../../reference/models')"
-	$(BIN)/roletrust submit $(OUT)/standard/results.sqlite all --out roletrust_env/benchmarking/published
+	$(BIN)/python -c "from roletrust_env.benchmarking.entries import pack_entry; \
+		from roletrust_env.benchmarking.leaderboard import Leaderboard; results = '$(OUT)/standard/results.sqlite'; \
+		packed = [pack_entry(results, model) for model in Leaderboard.read(results).suite.model_names]; \
+		[entry.write('roletrust_env/benchmarking/published/' + entry.file_name) for entry in packed]"
 	$(BIN)/python -m studies summaries --publish
 
 # The files of a commit, whatever the settings of git are.

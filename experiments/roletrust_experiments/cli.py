@@ -20,6 +20,16 @@ def _show_version(wanted: bool) -> None:
 _HERE = "roletrust_experiments.commands"
 
 
+_MOVED = {
+    "live": "robots",
+    "mcp": "manager mcp",
+    "serve": "manager serve; a model for other programs is `python -m roletrust_env.trust.remote`",
+    "submit": "entry pack",
+    "verify": "entry check",
+}
+"""New names of commands."""
+
+
 @command_group(
     {
         "play": f"{_HERE}.play:play",
@@ -28,15 +38,15 @@ _HERE = "roletrust_experiments.commands"
         "benchmark": f"{_HERE}.benchmark:benchmark",
         "report": f"{_HERE}.report:report",
         "replay": f"{_HERE}.replay:replay",
-        "submit": f"{_HERE}.submit:submit",
-        "verify": f"{_HERE}.submit:verify",
+        "entry": f"{_HERE}.entry:entry",
         "rate": f"{_HERE}.rate:rate",
         "compare": f"{_HERE}.compare:compare",
         "audit": f"{_HERE}.audit:audit",
         "manager": f"{_HERE}.manager:manager",
         "figures": f"{_HERE}.figures:figures",
         "robots": f"{_HERE}.robots.app:robots",
-    }
+    },
+    moved=_MOVED,
 )
 def app(
     version: Annotated[
@@ -60,7 +70,7 @@ def app(
     [dim]# which agents to trust, from a file of ratings[/]
     [cyan]roletrust rate ratings.csv --scale 1 5[/]
 
-    [dim]# every trust model under every attack: minutes[/]
+    [dim]# the leaderboard of trust models; with a name, your own model beside them[/]
     [cyan]roletrust benchmark[/]
 
     [dim]# the options of a command[/]

@@ -33,7 +33,7 @@ class Cluster:
             ray.init(address, log_to_driver=False, logging_level="ERROR")
         except (OSError, RuntimeError, ValueError, RayError) as error:
             line = (str(error).strip() or type(error).__name__).splitlines()[0]
-            raise ValueError(f"address is {address}: no Ray cluster answers there ({line})") from None
+            raise ValueError(f"no Ray cluster answers at address {address} ({line})") from None
 
     def play(self, suite: SuiteSchema, cells: Sequence[Any]) -> PlayedCells:
         """See `Pool.play`.

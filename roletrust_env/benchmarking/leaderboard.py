@@ -23,7 +23,7 @@ from roletrust_env.evaluation.received import SCORES
 from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.files import write_csv, write_text
-from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.storage.markdown import code, markdown_table, plain
 
 Floats = npt.NDArray[np.float64]
 
@@ -228,7 +228,8 @@ class Leaderboard:
         self.to_csv(path / "leaderboard.csv")
         self.cases_to_csv(path / "worst_cases.csv")
         command = reproduction_command(self.suite, path / "results.sqlite")
-        about = f"Suite {self.suite.name}, version {self.suite.version}. Made by `{command}`."
+        name, version = plain(self.suite.name), self.suite.version
+        about = f"Suite {name}, version {version}. Made by {code(command)}."
         write_text(path / "leaderboard.md", f"{self.to_markdown()}\n\n{about}\n\n{self.legend}")
         return ["leaderboard.csv", "leaderboard.md", "worst_cases.csv"]
 
@@ -286,7 +287,8 @@ class Leaderboard:
         for rule, lines in self._tables():
             names = ("model", "worst attack")
             for line in lines:
-                line["model"] = f"`{line['model']}`"
+                line["model"] = code(line["model"])
+                line["worst attack"] = plain(line["worst attack"])
             table = markdown_table(tuple(lines[0]), [list(x.values()) for x in lines], names=names)
             parts.append(f"{_HEADINGS[rule]}\n\n{table}")
         return "\n\n".join(parts)
@@ -304,7 +306,7 @@ class Leaderboard:
 
     def _repr_markdown_(self) -> str:
         """Return the rows as tables for a notebook, with what their columns mean."""
-        title = f"**Leaderboard, suite {self.suite.name}**"
+        title = f"**Leaderboard, suite {plain(self.suite.name)}**"
         return f"{title}\n\n{self.to_markdown()}\n\n{self.legend}"
 
     def _tables(self) -> list[tuple[Rule, list[dict[str, str]]]]:

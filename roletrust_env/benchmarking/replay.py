@@ -23,7 +23,7 @@ from roletrust_env.game.consumer import receive
 from roletrust_env.game.rollout import Round
 from roletrust_env.game.state import State, one_game
 from roletrust_env.metrics.score import mean_or_nan, ratio
-from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.storage.markdown import markdown_table, plain
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.scenario import Choice
 
@@ -129,7 +129,7 @@ class Replay:
 
     def _repr_markdown_(self) -> str:
         table = markdown_table(("", "attack", "all agents honest"), self.table(), 1)
-        return f"{self.title}\n\n{table}"
+        return f"{plain(self.title)}\n\n{table}"
 
 
 def replay(

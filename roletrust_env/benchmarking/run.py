@@ -306,7 +306,7 @@ def _play(
     ) as bar:
 
         def begin(remaining: Sequence[Any], total: int) -> None:
-            bar.reset(total)
+            bar.total = total
             bar.update(total - len(remaining))
 
         def advance(cell: Any, result: CellResult) -> None:

@@ -6,6 +6,7 @@ fingerprint is what it does and holds, the same in every process. It tells wheth
 are those of the same object.
 """
 
+import ast
 import hashlib
 import inspect
 import os
@@ -191,8 +192,8 @@ class Source(UntrustedModel):
     version: Word
     """Version of the package."""
     sha256: Sha256
-    """Hash of the files that define the class and its base classes, without those of the standard
-    library."""
+    """Hash of the code in the files that define the class and its base classes, without those of
+    the standard library, and without comments, docstrings and layout."""
 
 
 def source_of(factory: Callable[..., Any]) -> Source:
@@ -254,9 +255,11 @@ def model_source(text: str) -> Source:
         )
     for folder in map(Path, spec.submodule_search_locations or ()):
         for file in sorted(folder.rglob("*.py")):
-            digest.update(f"{file.relative_to(folder).as_posix()}\n".encode() + file.read_bytes())
+            name = f"{file.relative_to(folder).as_posix()}\n"
+            digest.update(name.encode() + _code(file.read_bytes()))
     if not spec.submodule_search_locations:
-        digest.update(Path(spec.origin or "").read_bytes())
+        file = Path(spec.origin or "")
+        digest.update(_code(file.read_bytes()) if file.suffix == ".py" else file.read_bytes())
     package, number = _package(top)
     return Source(
         made_by=f"{module}.{kind}", package=package, version=number, sha256=digest.hexdigest()
@@ -303,7 +306,22 @@ def _text(module: str) -> bytes:
     file = getattr(sys.modules.get(module), "__file__", None)
     if file is None or not has_file(module):
         raise ValueError(f"{module} is not in a file, so its source could not be compared later")
-    return Path(file).read_bytes()
+    return _code(Path(file).read_bytes())
+
+
+def _code(text: bytes) -> bytes:
+    """Return the code of a Python file without its comments, docstrings and layout."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):  # of a lambda it is an expression
+            texts = [_is_text(statement) for statement in body]
+            node.body = [one for one, text in zip(body, texts, strict=True) if not text]  # type: ignore[attr-defined]
+    return ast.unparse(tree).encode()
+
+
+def _is_text(statement: ast.stmt) -> bool:
+    return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
 
 
 def _top(module: str) -> str:

@@ -35,7 +35,7 @@ from roletrust_env.memory import check_memory
 from roletrust_env.metrics.confidence import Estimate, over_games
 from roletrust_env.parameters import whole_number
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
-from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.storage.markdown import markdown_table, plain
 from roletrust_env.storage.provenance import describe, describe_policies, provenance
 from roletrust_env.world import Scenario, make_scenario
 
@@ -166,7 +166,8 @@ class Results:
 
     def _repr_markdown_(self) -> str:
         headings, rows = self.table()
-        return "\n\n".join([self.title, markdown_table(headings, rows, 1), *self.notes()])
+        table = markdown_table(headings, [list(map(plain, row)) for row in rows], 1)
+        return "\n\n".join([plain(self.title), table, *map(plain, self.notes())])
 
 
 def play(

@@ -15,7 +15,7 @@ from roletrust_env.logs.replay import Attack, Replay, Shift, replay_attacks
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.metrics.resampling import RESAMPLES
 from roletrust_env.randomness import generator
-from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.storage.markdown import markdown_table, plain
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.key_index import Floats
 
@@ -103,21 +103,25 @@ class Comparison(NamedTuple):
 
         return pd.DataFrame(self.rows, columns=Row._fields)
 
+    def _repr_markdown_(self) -> str:
+        return self.markdown()
+
     def markdown(self) -> str:
         """Return the recommendation, and a table of each protocol, as Markdown."""
         best = self.recommended or "no model"
-        parts = ["# Trust models on real ratings", f"{best} is recommended. {self.reason}"]
+        verdict = plain(f"{best} is recommended. {self.reason}")
+        parts = ["# Trust models on real ratings", verdict]
         for protocol in dict.fromkeys(row.protocol for row in self.rows):
             rows = [row for row in self.rows if row.protocol == protocol]
             cells = {(row.model, row.measure): interval_text(Interval(*row[3:])) for row in rows}
             measures = list(dict.fromkeys(row.measure for row in rows))
             lines = [
-                [model, *(cells.get((model, measure), "-") for measure in measures)]
+                [plain(model), *(cells.get((model, measure), "-") for measure in measures)]
                 for model in dict.fromkeys(row.model for row in rows)
             ]
             parts += [f"## {protocol}", markdown_table(["model", *measures], lines, names=1)]
         if self.left_out:
-            parts.append("\n".join(f"- Left out: {reason}." for reason in self.left_out))
+            parts.append("\n".join(f"- Left out: {plain(reason)}." for reason in self.left_out))
         return "\n\n".join(parts) + "\n"
 
 

@@ -1,6 +1,7 @@
-"""Tables in Markdown."""
+"""Tables in Markdown, and texts of others in them."""
 
 from collections.abc import Collection, Iterable, Sequence
+from html import escape
 
 
 def markdown_table(
@@ -10,7 +11,8 @@ def markdown_table(
 
     Args:
         headings: Headings.
-        rows: Cells of each row. A bar is written as an entity, for it would end the cell.
+        rows: Cells of each row, in Markdown. A bar is written as an entity, for it would end the
+            cell.
         names: Number of leading columns with text, or the headings of these columns; the others
             have numbers and are aligned to the right.
     """
@@ -19,3 +21,27 @@ def markdown_table(
     return "\n".join(
         f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |" for line in lines
     )
+
+
+def plain(text: str) -> str:
+    """Return a text for Markdown in which it is neither markup nor HTML.
+
+    Example:
+        >>> plain("<b>x")
+        '&lt;b&gt;x'
+    """
+    for mark in "\\`*[]":
+        text = text.replace(mark, f"\\{mark}")
+    return escape(" ".join(text.split()), quote=False)
+
+
+def code(text: str) -> str:
+    """Return a name as code in Markdown.
+
+    Example:
+        >>> code("mean"), code("a`b")
+        ('`mean`', '<code>a&#96;b</code>')
+    """
+    if not set(text) & set("`|\n\r"):
+        return f"`{text}`"
+    return f"<code>{escape(text, quote=False).replace('`', '&#96;').replace('|', '&#124;')}</code>"

@@ -12,17 +12,20 @@ from small_suites import tiny
 from roletrust_env.benchmarking import entries
 from roletrust_env.benchmarking.entries import (
     Entry,
-    check_entry,
-    check_fresh_worlds,
     published_cells,
     read_entry,
+    suite_hash,
+)
+from roletrust_env.benchmarking.entry_check import (
+    check_fresh_worlds,
+    check_numbers,
     records_of,
     replay_entry,
-    suite_hash,
 )
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.run import InProcess, play_suite
+from roletrust_env.benchmarking.sources import _code
 from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite import ReplayedAttack
 from roletrust_env.evaluation.agreed import AgreedScripts, check_recorded
@@ -55,7 +58,7 @@ def changed(entry: Entry, change: Any) -> Entry:
 
 
 def verdicts(entry: Entry) -> dict[str, bool]:
-    return {check.subject: check.ok for check in check_entry(entry, SUITE)}
+    return {check.subject: check.ok for check in check_numbers(entry, SUITE)}
 
 
 def test_an_entry_is_a_file_with_all_scores(
@@ -99,6 +102,10 @@ def test_published_models_join_a_run_of_the_same_suite(
     assert {row.model for row in board.rows if not row.missing} == {"mean"}
     for other in (tiny(games=3), tiny(models=["mean"]), tiny(attacks=["rank-lies"])):
         assert published_cells(other) == (other, [])
+    flagged = entry.model_copy(update={"unreliable": "it recognises the games"})
+    monkeypatch.setattr(entries, "_carried", lambda: (flagged,))
+    assert published_cells(mine) == (mine, [])
+    monkeypatch.setattr(entries, "_carried", lambda: (entry,))
     # A search with another budget does not compare.
     budget = {"candidates": 30, "games": 1}
     longer = tiny(methods=["scripts", "search"], models=["block"], search=budget)
@@ -185,7 +192,7 @@ def test_all_replayed_attacks_of_a_suite_must_be_met(entry: Entry) -> None:
 
 def test_damaged_files_are_refused(tmp_path: Path, entry: Entry) -> None:
     data = json.loads(entry.model_dump_json())
-    for name, value in (("format", 4), ("cells", 3), ("model", "a/b"), ("extra", 1)):
+    for name, value in (("format", 5), ("cells", 3), ("model", "a/b"), ("extra", 1)):
         path = tmp_path / "entry.json"
         path.write_text(json.dumps({**data, name: value}))
         with refuses(ValueError, "entry.json", name):
@@ -220,3 +227,10 @@ def test_records_name_neither_foreign_modules_nor_files(name: str) -> None:
 
 def _record(name: str) -> str:
     return json.dumps({"kind": "agreed-scripts", "attacks": [name]})
+
+
+def test_a_source_is_the_same_under_other_comments_and_docstrings() -> None:
+    one = b'"""A."""\nX = 1  # one\n\nclass C:\n    """B."""\n    y = lambda: 2\n'
+    same = b"X = 1\nclass C:\n  y = lambda : 2"
+    other = b"X = 1\nclass C:\n  y = lambda : 3"
+    assert _code(one) == _code(same) != _code(other)

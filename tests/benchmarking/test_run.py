@@ -80,8 +80,9 @@ def test_a_script_needs_no_guard(tmp_path: Path, source: str) -> None:
 
 
 def test_a_run_continues_and_reports_the_stored_cells(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("roletrust_env.benchmarking.run._QUIET_S", 0)
     first = benchmark(["mean"], SUITE, attacks=ATTACKS, workers=0, progress=False, out=tmp_path)
     started = []
 

@@ -104,6 +104,7 @@ class CommandGroup(TyperGroup):
     """
 
     places: ClassVar[Mapping[str, str]] = {}
+    moved: ClassVar[Mapping[str, str]] = {}
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(
@@ -130,8 +131,14 @@ class CommandGroup(TyperGroup):
         except KeyboardInterrupt:
             from roletrust_experiments.commands.console import errors
 
-            errors.print("Stopped.")
+            errors.print("Stopped. What is saved stays; the same command continues from there.")
             raise typer.Exit(130) from None
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command of the arguments; for an old name, an error has the new one."""
+        if args and args[0] in self.moved:
+            ctx.fail(f"{args[0]} is now: roletrust {self.moved[args[0]]}")
+        return super().resolve_command(ctx, args)
 
     def get_params(self, ctx: Any) -> Any:
         """Return the options of the group."""
@@ -146,18 +153,19 @@ class CommandGroup(TyperGroup):
 
 
 def command_group(
-    places: Mapping[str, str], **options: Any
+    places: Mapping[str, str], *, moved: Mapping[str, str] | None = None, **options: Any
 ) -> Callable[[Callable[..., None]], typer.Typer]:
     """Return a decorator that makes a function a group of commands; its docstring is the help of
     the group.
 
     Args:
         places: Where each command is, as `module:function` by name; a place may be another group.
+        moved: New names of commands by their old ones.
         **options: Further options of `typer.Typer`.
     """
 
     def decorate(function: Callable[..., None]) -> typer.Typer:
-        group = type("Commands", (CommandGroup,), {"places": places})
+        group = type("Commands", (CommandGroup,), {"places": places, "moved": moved or {}})
         app = typer.Typer(cls=group, no_args_is_help=True, **_STYLE, **options)
         app.callback()(function)
         return app

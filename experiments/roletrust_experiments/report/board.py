@@ -15,6 +15,7 @@ from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.files import write_text
+from roletrust_env.storage.markdown import code, plain
 
 _OPEN = "-open"
 """End of the name of a setting with open reports, next to the one with verified reports."""
@@ -191,7 +192,7 @@ class TrustModels(NamedTuple):
         board, suite = self.board, self.suite
         board.to_csv(folder / "leaderboard.csv")
         board.cases_to_csv(folder / "worst_cases.csv")
-        about = f"Suite {suite.name}, version {suite.version}. Made by `{self.command}`."
+        about = f"Suite {plain(suite.name)}, version {suite.version}. Made by {code(self.command)}."
         text = f"{board.to_markdown()}\n\n{about}\n\n{board.legend}"
         write_text(folder / "leaderboard.md", text)
 

@@ -19,7 +19,7 @@ from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
-from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.storage.markdown import code, markdown_table, plain
 
 _MEANING = (
     "Share by the rounds of play: 0 is honest play; interquartile mean of the runs, with its 95% "
@@ -90,8 +90,8 @@ class LearnerBoard:
     def to_markdown(self) -> str:
         """Return the table in Markdown."""
         headings, rows = self.table()
-        quoted = [[rounds, f"`{name}`", *shares] for rounds, name, *shares in rows]
-        return markdown_table(headings, quoted, 2)
+        quoted = [[rounds, code(name), *shares] for rounds, name, *shares in rows]
+        return markdown_table(list(map(plain, headings)), quoted, 2)
 
     def write(self, folder: str | Path) -> list[str]:
         """Write `learners.csv` and `learners.md`, and return their names.
@@ -102,13 +102,13 @@ class LearnerBoard:
         path = Path(folder)
         write_csv(path / "learners.csv", HEADER, table_rows(self.results))
         command = reproduction_command(self.suite, path / "results.sqlite")
-        text = f"{self.to_markdown()}\n\n{self.legend} Made by `{command}`.\n"
+        text = f"{self.to_markdown()}\n\n{plain(self.legend)} Made by {code(command)}.\n"
         write_text(path / "learners.md", text)
         return ["learners.csv", "learners.md"]
 
     def _repr_markdown_(self) -> str:
-        title = f"**Learners, suite {self.suite.name}**"
-        return f"{title}\n\n{self.to_markdown()}\n\n{self.legend}"
+        title = f"**Learners, suite {plain(self.suite.name)}**"
+        return f"{title}\n\n{self.to_markdown()}\n\n{plain(self.legend)}"
 
 
 def _words(share: Interval | None) -> str:

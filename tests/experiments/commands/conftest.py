@@ -57,5 +57,5 @@ class _InProcess:
 @pytest.fixture
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands start no processes for cells."""
-    for module in ("roletrust_env.benchmarking.run", "roletrust_experiments.commands.submit"):
+    for module in ("roletrust_env.benchmarking.run", "roletrust_env.benchmarking.entry_check"):
         monkeypatch.setattr(f"{module}.LocalPool", _InProcess)

