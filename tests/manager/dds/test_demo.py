@@ -51,7 +51,7 @@ def test_the_plateaus_are_those_of_the_paper_and_of_the_simulation(
     assert {claim["figure"] for claim in results["claims"]["measured"]} == {figure}
     assert wrong == []
     entries = list(read_journal(out / "journal.jsonl"))
-    assert len(entries) == results["rounds"] > 0.9 * rounds
+    assert 0.9 * rounds < results["rounds"] <= min(rounds, len(entries))
     assert (
         replay_journal(make_trust_model("role-trust"), out / "journal.jsonl").trust
         == entries[-1].trust
