@@ -1,5 +1,9 @@
 """Attacks at the end of a log."""
 
+import shlex
+import sys
+
+import numpy as np
 import pytest
 from refusals import refuses
 from small_logs import small_log, synthetic_log
@@ -7,7 +11,16 @@ from small_logs import small_log, synthetic_log
 from roletrust_env.logs.log import Log
 from roletrust_env.logs.replay import Attack, Replay, Shift, replay_attacks
 from roletrust_env.trust import make_trust_model
+from roletrust_env.trust.remote import RemoteModel
 
+NO_COPIES = """
+from roletrust_env.trust import remote
+answer = remote.TrustService.answer
+def plain(service, line):
+    return (answer(service, line) or "").replace(', "copies": true', "") or None
+remote.TrustService.answer = plain
+remote.main("beta")
+"""
 MONTH = 2_592_000
 
 
@@ -30,6 +43,20 @@ def test_hostile_accounts_move_their_targets(log: Log, same_agents: bool) -> Non
     assert moved[attacks[2]].after.value > moved[attacks[2]].before.value
     still = play("constant")
     assert all(found.before == found.after for found in still.values())
+
+
+@pytest.mark.parametrize(
+    "command", [["-m", "roletrust_env.trust.remote", "beta"], ["-c", NO_COPIES]]
+)
+def test_a_model_in_another_process_is_moved_as_one_inside(log: Log, command: list[str]) -> None:
+    attacks = [Attack("sink", 3, "new"), Attack("lift", 3, "hijacked")]
+    remote = RemoteModel(f"exec:{shlex.join([sys.executable, *command])}")
+    inside, apart = (
+        replay_attacks(Replay(model, log, MONTH, same_agents=True), attacks)
+        for model in (make_trust_model("beta"), remote)
+    )
+    for attack in attacks:
+        np.testing.assert_array_equal(inside[attack].targets, apart[attack].targets)
 
 
 def test_a_log_without_enough_rounds_or_agents_is_refused(log: Log) -> None:
