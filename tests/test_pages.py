@@ -43,7 +43,7 @@ def test_blocks_are_of_languages_that_are_tried():
         "{bibliography}",
         "{eval-rst}",
     }
-    known |= {"json", "javascript"}  # tests/trust/test_outside.py tries them
+    known |= {"json", "javascript"}  # tests/trust/test_remote.py tries them
     for page in WRITTEN:
         text = page.read_text(encoding="utf-8")
         found = re.findall(

@@ -148,6 +148,14 @@ def test_the_messages_on_the_page_are_those_of_the_protocol(tmp_path):
     assert model.rater_trust(state).tolist() == answer["raters"]
 
 
+def test_the_service_in_python_on_the_page_answers():
+    names: dict[str, Any] = {}
+    exec(compile(blocks(PAGE, "python")[1], "page", "exec"), names)
+    before, after = map(json.loads, names["answers"])
+    assert before["providers"] == [0.5]
+    assert after["providers"][0] > 0.5
+
+
 def test_trust_of_raters_is_there_if_the_model_has_it(tmp_path):
     providers = "[0.2, 0.3][:message['providers']]"
     without, _ = played(echo(tmp_path, f"{{'providers': {providers}}}"))
