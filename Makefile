@@ -101,7 +101,7 @@ docs/game.gif: setup
 # The leaderboard: every model with searches, in hours; its report, its entries, which the package carries, and its tables.
 benchmark: setup
 	$(BIN)/roletrust benchmark all --search --out $(OUT)/standard
-	$(BIN)/python -c "from pathlib import Path; from roletrust_experiments.report.page import report; \
+	$(BIN)/python -c "from pathlib import Path; from roletrust_experiments.report.files import report; \
 		report(Path('$(OUT)/standard/results.sqlite'), Path('docs/leaderboards/standard'), pages='../../reference/models')"
 	$(BIN)/python -c "from roletrust_env.benchmarking.entries import pack_entry; \
 		from roletrust_env.benchmarking.leaderboard import Leaderboard; results = '$(OUT)/standard/results.sqlite'; \

@@ -234,8 +234,8 @@ def streams() -> Iterator[Case]:
         "qor",
     ):
         for rounds in log:
-            for same in ((), ("--same-agents",)):
-                name = " ".join(["rate", model, *rounds, *same])
+            for same in ((), ("--set", "same_agents=true")):
+                name = " ".join(["rate", model, *rounds, *(["--same-agents"] if same else [])])
                 yield name, lambda m=model, r=rounds, s=same: rated(["--model", m, *r, *s])
 
 

@@ -30,7 +30,7 @@ ZOO = "../agents/roletrust_agents/zoo"
 
 _CERTAIN = "--set max_cycles=200 --set noise=0 --set perturbations=[]"
 _STEALTH = "--set stealth={{weight=2.0}}"
-_OTC = "--columns rater=1,ratee=2,rating=3,time=4 --read header=false"
+_OTC = "--set rater=1 --set ratee=2 --set rating=3 --set time=4 --set header=false"
 
 _EVOLVE = (
     "train CollusionAttack --learner evolution:start=random --steps 6000000 "
@@ -95,10 +95,10 @@ COMMANDS = {
     "learners": ["benchmark --suite learners-coalitions --out {out}"],
     "optimum": ["benchmark --suite learners-optimum --out {out}"],
     "audit": [
-        "audit {out}/log.csv.gz --same-agents --scale -10 10 --out {out}/audit",
+        "audit {out}/log.csv.gz --set same_agents=true --scale -10 10 --out {out}/audit",
     ],
     "real": [
-        f"compare {{logs}}/bitcoin-otc/otc_network.csv.gz {_OTC} --scale -10 10 --same-agents "
+        f"compare {{logs}}/bitcoin-otc/otc_network.csv.gz {_OTC} --scale -10 10 --set same_agents=true "
         "--out {out}"
     ],
     "colluders": [

@@ -20,6 +20,11 @@ def printed(*arguments, code=0):
     return " ".join(result.output.split())
 
 
+def setting(**values):
+    """The options `--set` of some values."""
+    return [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
+
+
 def play(out, *arguments):
     """What a short run wrote and what it printed."""
     result = run("play", *arguments, *TINY, "--out", out)

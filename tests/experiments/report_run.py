@@ -9,7 +9,6 @@ from command_line import run
 from csv_files import csv_rows
 from small_suites import small
 
-from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.run import InProcess, play_suite
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import ResultStore, StoredCell

@@ -30,7 +30,7 @@ for package in ("env", "agents", "baselines", "experiments", "manager"):
             importlib.import_module(module.name)
 """
 LOG = "from roletrust_env.logs import write_log; write_log('log.csv.gz')"
-MEMBERS = "--same-agents", "--scale", -10, 10
+MEMBERS = "--set", "same_agents=true", "--scale", -10, 10
 PLAYED = """
 import gymnasium, pettingzoo, roletrust_env
 env = pettingzoo.make("parallel", "RoleTrust-v0", max_cycles=3)

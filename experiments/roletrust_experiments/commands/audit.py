@@ -23,20 +23,25 @@ from roletrust_experiments.commands.console import (
     stage,
     tell,
 )
-from roletrust_experiments.commands.log_options import LogOptions
-from roletrust_experiments.commands.options import NAMED, OWN, Out, with_options
+from roletrust_experiments.commands.log_options import (
+    LogSettings,
+    Ratings,
+    Scale,
+    log_arguments,
+    read,
+)
+from roletrust_experiments.commands.options import NAMED, OWN, Out
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.report.audit import WORDS, amount, audit_figure, audit_page
 
 _SHOWN = 3  # most targets of each goal in the table, and at the border of the top
 
 
-@with_options(LogOptions)
 def audit(
-    ratings: Annotated[
-        Path, typer.Argument(help="File of ratings with times, as for `roletrust rate`.")
-    ],
-    reading: LogOptions,
+    ratings: Ratings,
+    scale: Scale = (0.0, 1.0),
+    every: Annotated[float, typer.Option(help="Length of a round in seconds.")] = MONTH,
+    settings: LogSettings = None,
     model: Annotated[
         str,
         typer.Option(metavar=NAMED, help=f"Trust model, or exec:COMMAND or a URL. {OWN}"),
@@ -59,9 +64,6 @@ def audit(
     budget: Annotated[
         int, typer.Option(min=1, help="Number of attacks that a search plays for each target.")
     ] = 400,
-    fail_below: Annotated[
-        float | None, typer.Option(help="Exit with code 1 if the median price of a goal is lower.")
-    ] = None,
     out: Out = Path("results/audit"),
 ) -> None:
     """Find [bold]the price of manipulating the ranking of a log[/]: how many accounts and ratings
@@ -81,20 +83,18 @@ def audit(
     [bold]Examples[/]
 
     [dim]# members rate members from -10 to 10[/]
-    [cyan]roletrust audit log.csv.gz --same-agents --scale -10 10[/]
+    [cyan]roletrust audit log.csv.gz --set same_agents=true --scale -10 10[/]
 
-    [dim]# in CI, a model of your own: an account costs 2, a rating 5, and no goal less than 100[/]
-    [cyan]roletrust audit log.csv --model exec:./my-score --prices account=2,rating=5
-    --fail-below 100[/]
+    [dim]# a model of your own; an account costs 2, a rating 5[/]
+    [cyan]roletrust audit log.csv --model exec:./my-score --prices account=2,rating=5[/]
     """
     paid = Prices.parsed(prices)
     chosen = make_log_model(model)
     prepare_folder(out)
-    every = MONTH if reading.every is None else reading.every
     journal = Journal(out / "audit.journal") if isinstance(chosen, RemoteModel) else None
     if journal and journal.known:
         tell(f"{len(journal.known):,} attacks of an interrupted audit are in {journal.path}")
-    log = reading.log(ratings)
+    log = read(ratings, log_arguments(settings, scale))
     with progress_bar(counted=False) as progress:
         report = audit_log(
             log,
@@ -115,12 +115,6 @@ def audit(
         journal.path.unlink(missing_ok=True)
     console.print(_table(report))
     tell(f"{report.played:,} attacks. Written to {out}: audit.html, audit.png, audit.json")
-    low = min(median.value for median in report.medians.values())
-    if fail_below is not None and low < fail_below:
-        console.print(
-            f"[bold red]Failed:[/] a median price is {low:g}, below {fail_below:g}", soft_wrap=True
-        )
-        raise typer.Exit(1)
 
 
 def _table(report: AuditReport) -> Table:

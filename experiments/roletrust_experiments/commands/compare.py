@@ -19,8 +19,14 @@ from roletrust_experiments.commands.console import (
     tell,
     tell_left_out,
 )
-from roletrust_experiments.commands.log_options import LogOptions
-from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
+from roletrust_experiments.commands.log_options import (
+    LogSettings,
+    Ratings,
+    Scale,
+    log_arguments,
+    read,
+)
+from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 
 _CAPTION = (
     "forecast: r of trust with the next ratings of agents that have earlier ones; difference: to "
@@ -30,12 +36,11 @@ _CAPTION = (
 HEADER = ("log", "round", "version", *Row._fields)
 
 
-@with_options(LogOptions)
 def compare(
-    ratings: Annotated[
-        Path, typer.Argument(help="File of ratings with times, as for `roletrust rate`.")
-    ],
-    reading: LogOptions,
+    ratings: Ratings,
+    scale: Scale = (0.0, 1.0),
+    every: Annotated[float, typer.Option(help="Length of a round in seconds.")] = MONTH,
+    settings: LogSettings = None,
     model: Annotated[
         list[str] | None,
         typer.Option(
@@ -64,12 +69,11 @@ def compare(
     [cyan]roletrust compare log.csv --scale 1 5 --model role-trust --model mean --model beta[/]
 
     [dim]# all models on a log of members that rate members, with rounds of a week[/]
-    [cyan]roletrust compare log.csv --same-agents --scale -10 10 --every 604800[/]
+    [cyan]roletrust compare log.csv --set same_agents=true --scale -10 10 --every 604800[/]
     """
-    every = MONTH if reading.every is None else reading.every
     if ratings.resolve() in {(out / f"comparison.{kind}").resolve() for kind in ("csv", "md")}:
         raise ValueError(f"--out {out} would replace the log {ratings}")
-    log = reading.log(ratings, repeats=True)
+    log = read(ratings, log_arguments(settings, scale), repeats=True)
     prepare_folder(out)
     origin = ratings.name, every, version("roletrust-env")
 

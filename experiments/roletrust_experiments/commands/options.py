@@ -32,35 +32,6 @@ Out = Annotated[
 ]
 
 
-def with_options(group: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return a decorator by which the fields of a dataclass are options, in place of the parameter
-    of this type.
-    """
-
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        options, parameters = (
-            list(inspect.signature(function).parameters.values()) for function in (group, command)
-        )
-        (at,) = (
-            place for place, parameter in enumerate(parameters) if parameter.annotation is group
-        )
-        (grouped,) = parameters[at : at + 1]
-        parameters[at : at + 1] = options
-
-        @wraps(command)
-        def called(**values: Any) -> None:
-            values[grouped.name] = group(
-                **{parameter.name: values.pop(parameter.name) for parameter in options}
-            )
-            command(**values)
-
-        called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        return called
-
-    return decorate
-
-
 def keyword_option(flag: str, keywords: Mapping[str, str]) -> Any:
     """Return a repeatable option `KEY=VALUE`; its help says what each keyword is.
 
@@ -85,16 +56,3 @@ def parse_keywords(
         if name not in keywords:
             raise ValueError(f"{flag} has no {name!r}{suggest(name, keywords)}")
     return given
-
-
-def given_options(context: typer.Context) -> list[str]:
-    """Return the options that stand on the command line, such as `--out`."""
-    sources = {
-        option.opts[0]: context.get_parameter_source(str(option.name))
-        for option in context.command.params
-    }
-    return [
-        name
-        for name, source in sources.items()
-        if source is not None and source.name == "COMMANDLINE"
-    ]

@@ -11,8 +11,8 @@ from roletrust_env.logs.rate import rate as rate_log
 from roletrust_env.logs.suspects import find_suspects
 from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_experiments.commands.console import console, progress_bar, stage, stages, tell
-from roletrust_experiments.commands.log_options import LogOptions
-from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
+from roletrust_experiments.commands.log_options import READING, Scale, log_arguments
+from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, keyword_option
 from roletrust_experiments.commands.rate_tables import (
     calibration_table,
     explanation_table,
@@ -26,38 +26,31 @@ _REASON = (
 )
 
 
-@with_options(LogOptions)
+_SETTINGS = {**READING, "trusted": "raters that are trusted beforehand, by models with seeds"}
+
+
 def rate(
-    ratings: Annotated[
-        Path,
-        typer.Argument(help="File of ratings, see above."),
-    ],
-    reading: LogOptions,
-    model: Annotated[str, typer.Option(metavar=NAMED, help=f"Trust model. {OWN}")] = MODEL,
-    trusted: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="AGENT",
-            help="Rater that is trusted beforehand, by models with seeds; repeat for more.",
-        ),
+    ratings: Annotated[Path, typer.Argument(help="File of ratings.")],
+    scale: Scale = (0.0, 1.0),
+    every: Annotated[
+        float | None, typer.Option(help="Length of a round in seconds; else all is one round.")
     ] = None,
+    settings: Annotated[list[str] | None, keyword_option("--set", _SETTINGS)] = None,
+    model: Annotated[str, typer.Option(metavar=NAMED, help=f"Trust model. {OWN}")] = MODEL,
     explain: Annotated[
         str | None, typer.Option(metavar="AGENT", help="Show what makes the trust in an agent.")
     ] = None,
     suspects: Annotated[
         bool, typer.Option("--suspects", help="Look for raters that act together.")
     ] = False,
-    state: Annotated[
-        Path | None, typer.Option(help="File of earlier ratings, which takes new; with --every.")
-    ] = None,
     seed: Seed = 0,
     out: Out = Path("results/rate"),
 ) -> None:
     """Compute [bold]the trust of raters and ratees from a log of ratings[/], a file that you bring.
 
     It is CSV, JSON, Parquet (also a folder), Feather, SQLite or xlsx; a text may be packed (.gz,
-    .xz, .zip). Columns with usual names are found; otherwise --columns names them. --read says more
-    about the file, such as header=false, decimal=, or time_unit=ms.
+    .xz, .zip). Columns with usual names are found; otherwise --set names them, such as --set
+    rater=buyer, and says more about the file, such as --set header=false.
 
     Ratings count round by round, by time (--every), or all in one round. Several ratings of one
     agent by another in a round count as one, their mean. Rows may be in any order of time.
@@ -74,39 +67,30 @@ def rate(
     and its trust without each. --suspects shows groups of raters that rate the same ratees alike
     far beyond chance: [green]suspects.csv[/].
 
-    With --state, rounds go on where an earlier run with this file has ended, and all agents so far
-    are written, with the evidence of all ratings so far. Ratings of the running round are taken
-    once, however often they come, unless --read repeats=true is given. Those of rounds that have
-    ended are left out, so a log may be the whole one or its new part.
-
     [bold]Examples[/]
 
     [dim]# ratings from 1 to 5[/]
     [cyan]roletrust rate ratings.csv --scale 1 5[/]
 
     [dim]# members rate members, with rounds of 30 days[/]
-    [cyan]roletrust rate log.csv.gz --same-agents --scale -10 10 --every 2592000[/]
+    [cyan]roletrust rate log.csv.gz --set same_agents=true --scale -10 10 --every 2592000[/]
     """
     single = out.suffix.lower() == ".parquet"
     folder = out.parent if single else out
     tables = [out] if single else [out / f"{role}s.csv" for role in ROLES]
-    own = {path.resolve() for path in (ratings, state) if path}
     targets = [path.resolve() for path in (*tables, folder / "suspects.csv")]
-    if any(own & {path, *path.parents} for path in targets):
-        raise ValueError(f"--out {out} would write to the log or the state")
+    if any(ratings.resolve() in {path, *path.parents} for path in targets):
+        raise ValueError(f"--out {out} would write to the log {ratings}")
     if folders := [path for path in tables if path.is_dir()]:
         raise ValueError(f"{folders[0]} is a folder; a table needs another name")
-    if state is not None and (explain is not None or suspects):
-        raise ValueError("--explain and --suspects need a whole log, without --state")
+    arguments = log_arguments(settings, scale, "trusted")
     prepare_folder(folder)
     with progress_bar(counted=False) as progress:
         rated = rate_log(
             ratings,
-            **reading.arguments(),
-            every=reading.every,
+            **arguments,
+            every=every,
             model=model,
-            trusted=trusted or (),
-            state=state,
             seed=seed,
             advance=stages(progress),
         )
@@ -133,10 +117,9 @@ def rate(
                 "of trust that is drawn to its mean."
             )
         else:
-            log = "the log" if state is None else "the first log of the state"
-            tell(f"Ratees are ranked by trust: {log} has too few later ratings for intervals.")
+            tell("Ratees are ranked by trust: the log has too few later ratings for intervals.")
         for explanation in explanations:
-            console.print(explanation_table(explanation, reading.scale))
+            console.print(explanation_table(explanation, scale))
         if suspects and rated.log is not None:
             advance = stage(progress, "Looking for suspects")
             found_suspects = find_suspects(rated.log, seed=seed, advance=advance)

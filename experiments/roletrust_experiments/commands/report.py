@@ -42,7 +42,7 @@ def report(
     [cyan]roletrust report results/quick/results.sqlite results/learners/results.sqlite[/]
     """
     require("the report", "train", "scipy", "cma")  # to read a suite of the benchmark
-    from roletrust_experiments.report.page import report as write_report
+    from roletrust_experiments.report.files import report as write_report
 
     written = write_report(results or [Path("results/benchmark/results.sqlite")], out)
     tell(f"Written to {out}: {', '.join(written)}")

@@ -4,15 +4,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import run
+from command_line import run, setting
 from csv_files import csv_rows
 
 from roletrust_env.logs import write_log
 from roletrust_env.trust.models.central.beta_reputation import Beta
 
 SHARED = Path(__file__).parents[3].parent / "shared" / "data"
-OTC = ["--columns", "rater=1,ratee=2,rating=3,time=4", "--read", "header=false"]
-MEMBERS = ["--scale", "-10", "10", "--same-agents"]
+OTC = setting(rater=1, ratee=2, rating=3, time=4, header="false")
+MEMBERS = ["--scale", "-10", "10", *setting(same_agents="true")]
 HEAD = "rater,ratee,rating,time"
 
 

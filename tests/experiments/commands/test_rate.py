@@ -2,16 +2,18 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as arrow
 import pyarrow.parquet
 import pytest
-from command_line import printed, run
+from command_line import printed, run, setting
 from csv_files import csv_rows
-from refusals import assert_names
+from refusals import assert_names, refuses
 
-from roletrust_env.logs import TrustStream
+from roletrust_env.logs import TrustStream, rate
+from roletrust_env.logs.rate import Rated
 from roletrust_env.trust import make_trust_model
 
 SHARED = Path(__file__).parents[3].parent / "shared" / "data"
@@ -30,9 +32,10 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
-NAMED = "rater=who,ratee=shop,rating=stars,time=day"
-COLUMNS = ["--columns", NAMED, "--scale", "1", "5"]
-OTC = ["--columns", "rater=1,ratee=2,rating=3,time=4", "--read", "header=false"]
+NAMED = {"rater": "who", "ratee": "shop", "rating": "stars", "time": "day"}
+COLUMNS = [*setting(**NAMED), "--scale", "1", "5"]
+OTC = setting(rater=1, ratee=2, rating=3, time=4, header="false")
+MEMBERS = setting(same_agents="true")
 GOOD = "rater,ratee,rating,time\na,x,1,10\nb,x,5,20\na,y,3,30\n"
 
 
@@ -104,8 +107,7 @@ def test_an_agent_is_explained_and_a_ring_is_suspected(log: Path, tmp_path: Path
         *COLUMNS,
         "--model",
         "mean",
-        "--read",
-        "repeats=true",
+        *setting(repeats="true"),
         "--out",
         str(tmp_path / "out"),
     ]
@@ -117,8 +119,6 @@ def test_an_agent_is_explained_and_a_ring_is_suspected(log: Path, tmp_path: Path
     assert [row["rater"] for row in found if row["group"] == "1"] == [f"ring{n}" for n in range(5)]
     assert list(found[0]) == ["group", "rater", "apart", "p"]
     assert "no agent 'x' has ratings" in run("rate", str(log), *options, "--explain", "x").output
-    nightly = ["--every", "9", "--state", str(tmp_path / "state.npz")]
-    assert_names(run("rate", str(log), "--suspects", *nightly).output, "--suspects", "--state")
 
 
 def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path) -> None:
@@ -129,8 +129,8 @@ def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path
         tmp_path / "part.csv",
         str(tmp_path / "state.npz"),
     )
-    options = [*COLUMNS, "--model", "leave-one-out", "--every", "30"]
-    assert run("rate", str(log), *options, "--out", str(tmp_path / "whole")).exit_code == 0
+    settings: dict[str, Any] = {**NAMED, "scale": (1, 5), "model": "leave-one-out", "every": 30}
+    rate(log, **settings).write(tmp_path / "whole")
     for first, last, words in (
         (0, 100, "100 new ratings; left out 0 of rounds"),
         (
@@ -146,8 +146,9 @@ def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path
         ),
     ):
         part.write_text("".join([lines[0], *lines[first + 1 : last + 1]]))
-        result = printed("rate", part, *options, "--state", state, "--out", tmp_path / "nightly")
-        assert words in result
+        rated = rate(part, state=state, **settings)
+        rated.write(tmp_path / "nightly")
+        assert words in " ".join(rated.notes)
     for name in ("ratees.csv", "raters.csv"):
         whole, nightly = (
             {row["name"]: row for row in csv_rows(tmp_path / out / name)}
@@ -156,16 +157,15 @@ def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path
         assert nightly == whole
     before = Path(state).read_bytes()
     for changed, words in (
-        (["--scale", "0", "5"], ("[1.0, 5.0]", "[0.0, 5.0]")),
-        (["--every", "3600"], ("every", "30.0", "3600.0")),
-        (["--same-agents"], ("same_agents", "False", "True")),
+        ({"scale": (0, 5)}, ("[1.0, 5.0]", "[0.0, 5.0]")),
+        ({"every": 3600}, ("every", "30.0", "3600.0")),
+        ({"same_agents": True}, ("same_agents", "False", "True")),
+        ({"trusted": ["p1"]}, ("state", "trusted")),
+        ({"every": None}, ("state", "every")),
     ):
-        result = run("rate", str(part), *options, "--state", state, *changed)
-        assert result.exit_code == 2
-        assert_names(" ".join(result.stderr.split()), *words)
+        with refuses(ValueError, *words):
+            rate(part, state=state, **{**settings, **changed})
     assert Path(state).read_bytes() == before
-    result = run("rate", str(part), *COLUMNS, "--state", state)
-    assert_names(" ".join(result.stderr.split()), "state", "every")
 
 
 def test_a_night_without_new_ratings_changes_no_trust_and_another_clock_is_refused(
@@ -175,30 +175,27 @@ def test_a_night_without_new_ratings_changes_no_trust_and_another_clock_is_refus
     one."""
     head, first, *_ = log.read_text().splitlines(keepends=True)
     dates = [line.rpartition(",")[0] + ",2026-01-02T05:00:00" for line in (first.strip(),)]
-    options = [
-        *COLUMNS,
-        "--every",
-        "30",
-        "--state",
-        str(tmp_path / "state.npz"),
-        "--out",
-        str(tmp_path / "out"),
-    ]
-    assert run("rate", str(log), *options).exit_code == 0
+    state = tmp_path / "state.npz"
+
+    def night() -> Rated:
+        return rate(log, state=state, every=30, scale=(1, 5), **NAMED)
+
+    night().write(tmp_path / "out")
     before = csv_rows(tmp_path / "out" / "ratees.csv")
     log.write_text(head + first)
-    assert "left out 1 of rounds that had ended" in run("rate", str(log), *options).output
+    late = night()
+    assert "left out 1 of rounds that had ended" in " ".join(late.notes)
+    late.write(tmp_path / "out")
     assert csv_rows(tmp_path / "out" / "ratees.csv") == before
     for text, words in (
         (head, ("log.csv",)),
         (head + dates[0], ("rounds", "1,000,000")),
     ):
-        state = (tmp_path / "state.npz").read_bytes()
+        kept = state.read_bytes()
         log.write_text(text)
-        result = run("rate", str(log), *options)
-        assert result.exit_code == 2
-        assert_names(" ".join(result.stderr.split()), *words)
-        assert (tmp_path / "state.npz").read_bytes() == state
+        with refuses(ValueError, *words):
+            night()
+        assert state.read_bytes() == kept
 
 
 def test_a_bad_file_is_one_line_and_nothing_is_written(log: Path, tmp_path: Path) -> None:
@@ -211,7 +208,7 @@ def test_a_bad_file_is_one_line_and_nothing_is_written(log: Path, tmp_path: Path
     )
 
 
-def test_names_give_no_orders_to_the_terminal_and_no_log_or_state_is_replaced(
+def test_names_give_no_orders_to_the_terminal_and_no_log_is_replaced(
     tmp_path: Path,
 ) -> None:
     path, out = tmp_path / "raters.csv", ["--out", str(tmp_path)]
@@ -224,13 +221,6 @@ def test_names_give_no_orders_to_the_terminal_and_no_log_or_state_is_replaced(
         "=1+1",
     }
     assert "would write to" in run("rate", str(path), *out).output
-    table = ["--out", str(tmp_path / "x.parquet")]
-    assert (
-        "would write to"
-        in run(
-            "rate", "log.csv", "--every", "9", "--state", str(tmp_path / "x.parquet"), *table
-        ).output
-    )
 
 
 def test_inputs_are_not_replaced(tmp_path: Path) -> None:
@@ -275,7 +265,7 @@ def test_a_model_that_does_not_fit_says_what_it_would_take(tmp_path: Path) -> No
 def test_real_ratings(tmp_path: Path) -> None:
     if not REAL.exists():
         pytest.skip(f"the log of Bitcoin OTC is not in {REAL.parent}")
-    columns = [*OTC, "--scale", "-10", "10", "--same-agents"]
+    columns = [*OTC, "--scale", "-10", "10", *MEMBERS]
     result = printed("rate", REAL, *columns, "--every", "2592000", "--out", tmp_path)
     assert "35,592 ratings in 64 rounds" in result
     assert (len(csv_rows(tmp_path / "raters.csv")), len(csv_rows(tmp_path / "ratees.csv"))) == (
@@ -288,9 +278,10 @@ def test_real_ratings(tmp_path: Path) -> None:
     ("options", "words"),
     [
         (["--every", "0"], ("every", "0.0")),
-        (["--columns", "rater=a,rate=b"], ("--columns", "rate=b")),
-        (["--read", "headr=no"], ("--read", "headr", "header")),
-        (["--read", "decimal=;"], ("decimal", ";")),
+        (["--set", "rate=b"], ("--set", "rate", "rater")),
+        (["--set", "rater=a"], ("--set", "rater", "twice")),
+        (["--set", "headr=no"], ("--set", "headr", "header")),
+        (["--set", "decimal=;"], ("decimal", ";")),
     ],
 )
 def test_wrong_options_are_refused(
@@ -307,11 +298,10 @@ def test_raters_that_are_trusted_beforehand_are_seeds_by_name(tmp_path: Path) ->
         "rater,ratee,rating\nann,bob,1\nbob,cy,1\nmal,eve,1\neve,mal,1\n"
     )
     options = [
-        "--same-agents",
+        *MEMBERS,
         "--model",
         "merit-rank",
-        "--trusted",
-        "ann ",
+        *setting(trusted='["ann "]'),
         "--out",
         str(tmp_path / "out"),
     ]
@@ -319,10 +309,10 @@ def test_raters_that_are_trusted_beforehand_are_seeds_by_name(tmp_path: Path) ->
     trust = {row["name"]: float(row["trust"]) for row in csv_rows(tmp_path / "out" / "ratees.csv")}
     assert trust["bob"] > trust["cy"] > trust["mal"] == trust["eve"] == 0
     for more, words in (
-        (["--model", "merit-rank", "--trusted", "annn"], ("ann",)),
-        (["--trusted", "ann"], ("leave-one-out",)),
-        (["--trusted", "ann", "--state", "s", "--every", "9"], ("state", "trusted")),
+        (["--model", "merit-rank", *setting(trusted='["annn"]')], ("ann",)),
+        (setting(trusted='["ann"]'), ("leave-one-out",)),
+        (setting(trusted="ann"), ("trusted", "ann")),
     ):
-        result = run("rate", str(tmp_path / "log.csv"), "--same-agents", *more)
+        result = run("rate", str(tmp_path / "log.csv"), *MEMBERS, *more)
         assert result.exit_code == 2
         assert_names(" ".join(result.stderr.split()), *words)

@@ -112,7 +112,6 @@ def test_what_an_agent_cannot_be(
     [
         (["play"], "--out"),
         (["rate", "ratings.csv"], "--out"),
-        (["rate", "ratings.csv", "--state", "?", "--out", "trust"], "--state"),
         (["play", "--set", "max_cycles=12", "--set", "name=?", "--out", "played"], "--set"),
         (["report", "?", "--out", "page"], "the path of the results"),
     ],

@@ -13,7 +13,7 @@ from report_run import SHOWN, SUITE, lines, random_cells, small_suite, write_run
 
 from roletrust_env.benchmarking.leaderboard import COLUMNS, Leaderboard
 from roletrust_env.evaluation.specs import is_own_model
-from roletrust_experiments.report.page import report
+from roletrust_experiments.report.files import report
 
 
 def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:

@@ -143,8 +143,8 @@ def check_export(path: Path, raters: list[Rater]) -> int:
 
 def check_rate(folder: Path, agents: list[dict[str, Any]]) -> None:
     """Check that `roletrust rate` has the same trust and evidence of the export."""
-    options = "--model", "role-trust", "--every", "1", "--same-agents", "--out", str(folder)
-    printed("rate", folder / "export.csv", *options)
+    options = "--model", "role-trust", "--every", "1", "--out", str(folder)
+    printed("rate", folder / "export.csv", "--set", "same_agents=true", *options)
     for role, file, others in (
         ("provider", "ratees.csv", "raters"),
         ("rater", "raters.csv", "ratees"),
