@@ -16,12 +16,12 @@ from matplotlib.lines import Line2D
 
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.evaluation.curves import Curves, record_curves
+from roletrust_env.evaluation.groups import attack_rounds
 from roletrust_env.evaluation.specs import parse_attacks, parse_trust_model
 from roletrust_env.metrics.confidence import Floats
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.world.roster import Roster
-from roletrust_env.evaluation.groups import attack_rounds
 from roletrust_experiments.plots.style import (
     ATTACKED,
     ATTACKER,

@@ -34,8 +34,8 @@ _OTC = "--set rater=1 --set ratee=2 --set rating=3 --set time=4 --set header=fal
 
 _EVOLVE = (
     "train CollusionAttack --learner evolution:start=random --steps 6000000 "
-    "--set objective=mislead --model wary-role-trust --model beta --model role-trust --model qor --model median --set "
-    "max_cycles=50"
+    "--set objective=mislead --set max_cycles=50 --model wary-role-trust --model beta "
+    "--model role-trust --model qor --model median"
 )
 _ABLE = 'role="SP",ability=[0.3,1.0]'
 _RATERS = '{role="SR",count=10,noise=0.05}'
@@ -98,8 +98,8 @@ COMMANDS = {
         "audit {out}/log.csv.gz --set same_agents=true --scale -10 10 --out {out}/audit",
     ],
     "real": [
-        f"compare {{logs}}/bitcoin-otc/otc_network.csv.gz {_OTC} --scale -10 10 --set same_agents=true "
-        "--out {out}"
+        f"compare {{logs}}/bitcoin-otc/otc_network.csv.gz {_OTC} --scale -10 10 "
+        "--set same_agents=true --out {out}"
     ],
     "colluders": [
         f"train CollusionAttack {_STEALTH} --seed {seed} --out {{out}}/runs/{seed}"

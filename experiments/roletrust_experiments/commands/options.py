@@ -1,8 +1,6 @@
 """Options that several commands share, each with one spelling and one help text."""
 
-import inspect
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import wraps
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
