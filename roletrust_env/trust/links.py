@@ -17,6 +17,7 @@ LIMIT_S = 300.0
 """Longest time, in seconds, that the other side may take for an answer."""
 
 _MOST_BYTES = 256_000_000  # of an answer
+_BUFFER = 1_000_000  # bytes that are read at once
 _ENDS_S = 1.0  # seconds for a process without output to end by itself
 
 T = TypeVar("T")
@@ -38,7 +39,7 @@ class ProcessLink:
         pipe = subprocess.PIPE
         try:
             process: Any = subprocess.Popen(
-                shlex.split(command), stdin=pipe, stdout=pipe, stderr=pipe, env=env
+                shlex.split(command), _BUFFER, stdin=pipe, stdout=pipe, stderr=pipe, env=env
             )
         except (OSError, ValueError, IndexError) as error:
             raise ValueError(f"it cannot be started ({error or 'the command is empty'})") from None

@@ -40,24 +40,19 @@ from roletrust_env.trust.links import HttpLink, ProcessLink
 from roletrust_env.trust.model import Peers, Traits, TrustModel, registry
 from roletrust_env.trust.ratings import Published, Ratings
 
-KINDS = ("exec", "http", "https")
-"""Beginnings of an address, before its first colon."""
-
+KINDS = ("exec", "http", "https")  # of addresses, before the first colon
 MOST_GAMES = 20_000
-"""Number of games that a program or a service has to remember. When there are more, the oldest ones
-are over."""
+"""Number of games that a program or a service must remember; of more, the oldest ones are over."""
 
 _TOGETHER = 200_000  # values of trust in the answers to messages that are sent at once
 _STATES = 8  # of an isolated model that are kept
 _SAME = 1e-6  # difference of trust in a game alone and in a batch that rounding explains
+_BUFFER = 1_000_000  # bytes of messages that are read at once
 _METHODS = ("judge_trust", "preference")  # that a model may have
 
-Shape = tuple[int, int]
-"""Number of raters S and of providers P."""
-
+Shape = tuple[int, int]  # numbers of raters S and of providers P
 Rating = tuple[int, int, float]
 """Index of the rater, index of the provider, and rating in [0, 1]."""
-
 Rounds = Sequence[Sequence[Rating]]
 """Ratings of several rounds or games."""
 
@@ -118,16 +113,31 @@ def _unpacked(texts: Sequence[str | None]) -> list[Any]:
 
 
 def _to_arrays(ratings: Ratings) -> list[Array | None]:
-    """Return the values and the mask of ratings, and of the experience of the raters if it is
-    different.
-    """
+    """Return the values in the mask and the mask, also of the experience if it is different."""
     own = ratings.experience
-    return [ratings.values, ratings.mask, *([] if own is ratings else [own.values, own.mask])]
+    mask, values = ratings.mask, ratings.values
+    first = [values if mask is None else values[mask], mask]
+    return first if own is ratings else [*first, *_to_arrays(own)]
 
 
 def _from_arrays(values: Array, mask: Array | None, *own: Array | None) -> Ratings:
     """Return the ratings of which `_to_arrays` returned the arrays."""
-    return Ratings(values, mask, experience=Ratings(*own) if own else None)
+    if mask is not None:
+        given, values = values, np.zeros(mask.shape, values.dtype)
+        values[mask] = given
+    return Ratings(values, mask, experience=_from_arrays(*own) if own else None)
+
+
+def _column(array: Array, game: tuple[int, ...]) -> Any:
+    """Return the part of an array that is about one game of a batch, with one axis for it."""
+    return array[(..., *game, None)]
+
+
+def _one_game(ratings: Ratings, game: tuple[int, ...]) -> Ratings:
+    own = ratings.experience
+    experience = None if own is ratings else _one_game(own, game)
+    mask = None if ratings.mask is None else _column(ratings.mask, game)
+    return Ratings(_column(ratings.values, game), mask, experience=experience)
 
 
 class _Client(Published):
@@ -327,13 +337,8 @@ def _state(like: Array, numbers: Any, rounds: Any, answers: list[_Answer]) -> Re
 
 
 class RemoteFactory:
-    """Factory of the trust model at an address.
-
-    Attributes:
-        fingerprint: Hash of the address, and of the files that its command names.
-
-    Args:
-        address: See `RemoteModel`.
+    """Factory of the trust model at an address, with a hash of the address and of the files that
+    its command names.
     """
 
     kind = RemoteModel
@@ -423,12 +428,11 @@ class IsolatedModel(_Client):
             ValueError: The model fails, the state is not one of the latest 8, or trust in a game
                 is different when it is played alone.
         """
-        before, given = self._number(state), _to_arrays(ratings)
-        after = self._play(ratings.values, before, given)
+        before = self._number(state)
+        after = self._play(ratings.values, before, _to_arrays(ratings))
         if self._second:
             game, alone = self._alone[before]
-            column = _from_arrays(*(_column(part, game) for part in given))
-            self._compare(after, game, self._second.update(alone, column))
+            self._compare(after, game, self._second.update(alone, _one_game(ratings, game)))
         return after
 
     def _preference(self, state: IsolatedState, noise: Array) -> Array:
@@ -436,9 +440,7 @@ class IsolatedModel(_Client):
         return preference
 
     def _compare(self, state: IsolatedState, game: tuple[int, ...], alone: IsolatedState) -> None:
-        """Remember the state of the game that is played alone; refuse different trust in the
-        batch.
-        """
+        """Remember the state of the game that is played alone; refuse other trust in the batch."""
         for own, other in zip(state[1:], alone[1:], strict=True):
             difference = 0.0 if own is None else abs(_column(own, game) - other).max()
             if not difference <= _SAME:
@@ -474,11 +476,6 @@ class IsolatedModel(_Client):
             raise ValueError(f"{self}: its answer has no arrays of numbers") from None
 
 
-def _column(array: Array | None, game: tuple[int, ...]) -> Any:
-    """Return the part of an array that is about one game of a batch, with one axis for it."""
-    return None if array is None else array[(..., *game, None)]
-
-
 class TrustService:
     """Answers the messages of the protocol with the trust of a model in Python.
 
@@ -495,7 +492,7 @@ class TrustService:
         self._model: Any = model
         self._games: dict[int, GridRun] = {}
 
-    def answer(self, line: str) -> str | None:
+    def answer(self, line: str | bytes) -> str | None:
         """Return the answer to a message, one line of JSON without its end; None if a message has
         no answer.
 
@@ -578,7 +575,7 @@ def main(text: str, *offered: str) -> None:
         text: Model, see `IsolatedModel`.
         *offered: Further parameters, each as `name=value`, see `IsolatedModel`.
     """
-    with os.fdopen(os.dup(1), "w") as answers:
+    with open(0, "rb", _BUFFER) as messages, open(os.dup(1), "w") as answers:
         os.dup2(2, 1)
         Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
         try:
@@ -587,7 +584,7 @@ def main(text: str, *offered: str) -> None:
             service = TrustService(make_entry(entry, name, {**further, **parameters}, text))
         except ValueError as error:
             sys.exit(printable(str(error)))
-        for line in sys.stdin:
+        for line in messages:
             try:
                 answer = service.answer(line)
             except (Exception, SystemExit) as error:  # a foreign model may raise anything
