@@ -10,7 +10,7 @@ from roletrust_env.benchmarking.cells import check_attacks
 from roletrust_env.benchmarking.entrants import Entrant, name_entrants, pack, temporary_registration
 from roletrust_env.benchmarking.entries import published_cells
 from roletrust_env.benchmarking.leaderboard import Leaderboard
-from roletrust_env.benchmarking.learners.board import LearnerBoard
+from roletrust_env.benchmarking.learner_board import LearnerBoard
 from roletrust_env.benchmarking.learners.learner import is_search, make_search_method, registry
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely

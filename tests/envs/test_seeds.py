@@ -168,7 +168,7 @@ def test_truth_values_have_one_rule(tmp_path: Path) -> None:
                 take(wrong)
     with refuses(ValueError, "maybe", "same_agents"):
         read({}, same_agents="maybe")
-    for name in ("force", "progress"):
+    for name in ("search", "progress"):
         with refuses(ValueError, "maybe", name):
             roletrust_env.benchmark(["mean"], workers=0, **{name: "maybe"})
     for check, what in (

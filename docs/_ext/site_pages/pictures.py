@@ -16,11 +16,11 @@ from matplotlib.patches import Patch
 from pydantic import TypeAdapter, ValidationError
 
 from roletrust_env import Game, JointPolicy, Scenario, make_scenario
+from roletrust_env.evaluation.games import attacks_in_words
 from roletrust_env.evaluation.specs import parse_attacks, parse_settings, with_settings
 from roletrust_env.storage.files import prepare_folder, write_text
 from roletrust_experiments.catalogue import Entry
 from roletrust_experiments.commands.console import errors, progress_bar
-from roletrust_env.evaluation.games import attacks_in_words
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.plots.style import ATTACKED, INK
 from roletrust_experiments.plots.video import write_video

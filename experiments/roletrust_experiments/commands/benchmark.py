@@ -12,7 +12,7 @@ from rich.markup import escape
 from roletrust_env.benchmarking import benchmark as benchmark_models
 from roletrust_env.benchmarking import cost
 from roletrust_env.benchmarking.leaderboard import Leaderboard
-from roletrust_env.benchmarking.learners.board import LearnerBoard
+from roletrust_env.benchmarking.learner_board import LearnerBoard
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.pool import cores
 from roletrust_env.benchmarking.run import (
