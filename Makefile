@@ -36,7 +36,7 @@ test-all: setup
 test-slow: setup
 	$(BIN)/pytest -n 2 -m slow tests
 
-# The examples in docstrings. What the extra `ray` alone has is no place for them.
+# The examples in docstrings. `cluster.py` needs the extra `ray`.
 test-doctests: setup
 	$(BIN)/pytest -n 2 --doctest-modules --ignore=roletrust_env/benchmarking/cluster.py --ignore=experiments/roletrust_manager/dds/roletrust_nodes --ignore=roletrust_env/live.py --ignore=roletrust_env/service.py \
 		roletrust_env agents baselines experiments docs/_ext
@@ -76,14 +76,15 @@ test-clients: setup
 
 setup: $(VENV)/.ready-dev
 
-# One environment, which grows with what is asked of it; one constraints file pins everything that is installed.
-$(VENV)/.ready-run: EXTRAS := cli,vision
-$(VENV)/.ready-test: EXTRAS := test
-$(VENV)/.ready-dev: EXTRAS := dev
-$(VENV)/.ready-release: EXTRAS := release
+# All targets share one environment. constraints.txt pins every package in it, also pip: dependency groups need pip 25.1.
+$(VENV)/.ready-run: PACKAGES := --editable '.[cli,vision]'
+$(VENV)/.ready-test: PACKAGES := --editable '.[all]' --group test
+$(VENV)/.ready-dev: PACKAGES := --editable '.[all,jax]' --group dev
+$(VENV)/.ready-release: PACKAGES := --group release
 $(VENV)/.ready-%: pyproject.toml constraints.txt
 	test -x $(BIN)/python || python3 -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[$(EXTRAS)]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt pip
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt $(PACKAGES)
 	touch $@
 
 # What made a page of results: `make study NAME=strategic`, or one of its recipes, `make study NAME="pages zoo"`; each says in

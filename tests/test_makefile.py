@@ -9,9 +9,8 @@ import pytest
 
 HOUSE = Path(__file__).parent.parent
 MAKEFILE = (HOUSE / "Makefile").read_text(encoding="utf-8")
-OPTIONS = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"][
-    "ini_options"
-]
+PROJECT = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))
+OPTIONS = PROJECT["tool"]["pytest"]["ini_options"]
 MARKERS = [line.partition(":")[0] for line in OPTIONS["markers"]]
 
 
@@ -33,6 +32,14 @@ def test_what_is_left_out_is_marked_and_is_run_by_the_other_target():
     }
     for marker in MARKERS:
         assert [line for line in recipe(f"test-{marker}") if f" -m {marker} " in line]
+
+
+def test_targets_install_extras_and_groups_that_are_declared():
+    """Pip only warns of an extra that is not declared."""
+    extras = {name for line in re.findall(r"'\.\[(.+)\]'", MAKEFILE) for name in line.split(",")}
+    assert {"all", "cli"} <= extras <= PROJECT["project"]["optional-dependencies"].keys()
+    groups = set(re.findall(r"--group (\w+)", MAKEFILE))
+    assert {"test", "dev"} <= groups <= PROJECT["dependency-groups"].keys()
 
 
 @pytest.mark.parametrize("marker", MARKERS)

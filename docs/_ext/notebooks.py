@@ -13,7 +13,7 @@ from myst_parser.config.main import MdParserConfig
 NOTEBOOKS = {
     "attack-a-model": ("sb3", "train"),
     "measure-your-model": ("your-model", "train"),
-    "audit-your-log": ("ratings", "data,cli"),
+    "audit-your-log": ("ratings", "cli,logs"),
 }
 """Name of each notebook, the tutorial that it is made of, and the extras that this needs."""
 

@@ -32,7 +32,7 @@ def _llvm() -> Any:
     try:
         import llvmlite.binding as llvm
     except ImportError as error:
-        raise UnrecordableError(f"{error}: pip install 'roletrust-env[train]'") from None
+        raise UnrecordableError(f"{error}: pip install 'roletrust-env[compiled]'") from None
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     return llvm

@@ -152,7 +152,7 @@ def open_source(source: Any, reading: Reading) -> Source:
         import pyarrow as arrow
     except ImportError:
         raise ValueError(
-            "reading ratings needs pyarrow: pip install 'roletrust-env[data]'"
+            "reading ratings needs pyarrow: pip install 'roletrust-env[logs]'"
         ) from None
     if isinstance(source, str | Path):
         return _open_file(Path(source), reading)

@@ -121,7 +121,7 @@ def alike(log: Log) -> list[tuple[Ints, Ints]]:
     try:
         import networkx as nx
     except ImportError:
-        raise ValueError("suspects need networkx: pip install 'roletrust-env[data]'") from None
+        raise ValueError("suspects need networkx: pip install 'roletrust-env[logs]'") from None
     level = np.rint(log.values * _STEPS).astype(np.int64)
     vote_ratees, vote = np.unique(pair_keys(log.ratees, level), return_inverse=True)
     raters, votes = pair_ends(np.unique(pair_keys(log.raters, vote)))

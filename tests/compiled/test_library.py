@@ -114,7 +114,7 @@ def test_missing_llvm_is_an_error_that_names_the_extra(monkeypatch):
 
     library._llvm.cache_clear()
     monkeypatch.setattr(builtins, "__import__", missing)
-    with pytest.raises(UnrecordableError, match="train"):
+    with pytest.raises(UnrecordableError, match="compiled"):
         library.load("a source that is not known yet")
     monkeypatch.undo()
     library._llvm.cache_clear()

@@ -18,6 +18,12 @@ TINY = f"""
 models = ["mean", "role-trust"]
 attacks = ["bad-mouthing"]
 {SMALL}"""
+COMPILED = """
+import gymnasium
+env = gymnasium.make("roletrust_env:RoleTrust/RaterAttack-v0", engine="compiled")
+env.reset(seed=0)
+print(env.step(env.action_space.sample())[1] > 0)
+"""
 SHORT = ("--set", "max_cycles=8")
 ZOO = HOUSE / "agents" / "roletrust_agents" / "zoo" / "provider-3x3"
 
@@ -58,7 +64,7 @@ print(task.step(task.action_space.sample())[1] >= 0)
         "import roletrust_env\ntry: roletrust_env.parallel_env(engine='compiled')\n"
         "except ValueError as error: print(error)"
     )
-    assert "pip install 'roletrust-env[train]'" in missing
+    assert "pip install 'roletrust-env[compiled]'" in missing
     for arguments in ([], ["--help"], ["play"]):
         assert "pip install 'roletrust-env[cli]'" in alone.refused(*arguments)
 
@@ -71,6 +77,10 @@ _, state = jax.jit(env.reset)(jax.random.key(0))
 print(env.step(jax.random.key(1), state, {"attacker": jax.numpy.ones(1)})[1].game.round)
 """
     assert fresh("jax").python(played) == "1\n"
+
+
+def test_compiled(fresh: Callable[..., Environment]) -> None:
+    assert fresh("compiled").python(COMPILED) == "True\n"
 
 
 def test_cli(fresh: Callable[..., Environment]) -> None:
@@ -181,7 +191,7 @@ prices = audit(rated, top=2, targets=1, budget=3).table
 found = compare(rated.log, ["mean"]).measures
 print(len(rated.ratees), len(rated.raters), len(prices), len(found))
 """
-    assert fresh("data").python(lines) == "104 112 4 12\n"
+    assert fresh("logs").python(lines) == "104 112 4 12\n"
 
 
 def test_train(fresh: Callable[..., Environment]) -> None:
@@ -194,13 +204,7 @@ def test_train(fresh: Callable[..., Environment]) -> None:
     assert "learned-provider" in train.roletrust(
         "play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}"
     )
-    compiled = """
-import gymnasium
-env = gymnasium.make("roletrust_env:RoleTrust/RaterAttack-v0", engine="compiled")
-env.reset(seed=0)
-print(env.step(env.action_space.sample())[1] > 0)
-"""
-    assert train.python(compiled) == "True\n"
+    assert train.python(COMPILED) == "True\n"
     benchmark_and_report(train)
 
 
@@ -217,7 +221,7 @@ def benchmark_and_report(alone: Environment) -> None:
     assert (alone.folder / "page" / "leaderboard.md").stat().st_size
 
 
-def test_ray_and_data(fresh: Callable[..., Environment]) -> None:
+def test_ray_and_logs(fresh: Callable[..., Environment]) -> None:
     lines = """
 from roletrust_env.benchmarking import benchmark, load_suite
 quick = load_suite("quick")
@@ -226,7 +230,7 @@ suite = quick.model_copy(update={"worlds": worlds, "games": 1, "selection_games"
 frame = benchmark("mean", suite, workers=0, progress=False).to_pandas()
 print(set(frame["missing"]))
 """
-    alone = fresh("ray,data")
+    alone = fresh("ray,logs")
     assert alone.python(lines) == "{0}\n"
     (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
     address = f"127.0.0.1:{20_000 + os.getpid() % 10_000}"

@@ -120,7 +120,7 @@ def test_the_newest_releases(
     torch.write_text(TORCH, encoding="utf-8")
     first = version == PYTHONS[0]
     environment = fresh(
-        EVERYTHING if first else "video,data,robots,manager", torch, interpreter(version)
+        EVERYTHING if first else "video,logs,robots,manager", torch, interpreter(version)
     )
     check(environment)
     if first:
