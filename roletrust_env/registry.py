@@ -1,6 +1,7 @@
 """Registry of named objects (trust models, scenarios, attackers), and the texts that name them.
 
-Other packages can add to it. Texts are `NAME:key=value,...` or `package.module:Class:key=value,...`.
+Other packages can add to it. Texts are `NAME:key=value,...` or
+`package.module:Class:key=value,...`.
 """
 
 import inspect

@@ -187,6 +187,16 @@ def audit(
         ValueError: The model or a named target is unknown; rounds or days need times, and the log
             has none.
         MemoryError: The model does not fit, see `make_run`.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import mkdtemp
+        >>> from roletrust_env.logs import audit, read, write_log
+        >>> path = Path(mkdtemp()) / "log.csv.gz"
+        >>> write_log(path)
+        >>> log = read(path, scale=(-10, 10), same_agents=True)
+        >>> audit(log, model="mean", top=3).medians["lift"].value
+        6.0
     """
     title = model if isinstance(model, str) else repr(model)
     if isinstance(log, Rated):

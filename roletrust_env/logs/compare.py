@@ -153,6 +153,16 @@ def compare(
 
     Raises:
         ValueError: The log has no times, nothing could be measured, or there is no such model.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import mkdtemp
+        >>> from roletrust_env.logs import compare, read, write_log
+        >>> path = Path(mkdtemp()) / "log.csv.gz"
+        >>> write_log(path)
+        >>> log = read(path, scale=(-10, 10), same_agents=True)
+        >>> compare(log, ["mean", "beta"]).recommended
+        'beta'
     """
     check_log(log)
     made = {name: make_log_model(name) for name in models or default_models()}

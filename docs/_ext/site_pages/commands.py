@@ -12,6 +12,28 @@ from typer.core import TyperArgument
 from roletrust_experiments.cli import app
 from roletrust_experiments.commands.group import EXAMPLES
 
+FUNCTIONS = {
+    "play": "roletrust_env.evaluation.games.play",
+    "train": "roletrust_agents.training.train.train",
+    "benchmark": "roletrust_env.benchmarking.run.benchmark",
+    "report": "roletrust_experiments.report.files.report",
+    "replay": "roletrust_env.benchmarking.replay.replay",
+    "entry pack": "roletrust_env.benchmarking.entries.pack_entry",
+    "entry check": "roletrust_env.benchmarking.entry_check.check_entry",
+    "rate": "roletrust_env.logs.rate.rate",
+    "compare": "roletrust_env.logs.compare.compare",
+    "audit": "roletrust_env.logs.audit.audit",
+    "manager serve": "roletrust_manager.http.serve.serve",
+    "manager backup": "roletrust_manager.journal.backup.back_up",
+    "manager check": "roletrust_manager.http.store_check.check_store",
+    "figures": "roletrust_experiments.paper.figures.figures",
+    "robots demo": "roletrust_manager.robots.demo.run_demo",
+    "robots agent": "roletrust_manager.robots.agent.run_agent",
+    "robots manager": "roletrust_manager.robots.manager.run_manager",
+    "robots view": "roletrust_manager.robots.view.run_view",
+}
+"""The function that each command calls."""
+
 _MARKS = {"bold": "**", "green": "`", "cyan": "`"}
 
 
@@ -26,13 +48,14 @@ class Command(NamedTuple):
     """A command.
 
     Attributes:
-        words: Words that call it, such as `("roletrust", "live", "demo")`.
+        words: Words that call it, such as `("roletrust", "robots", "demo")`.
         usage: Arguments and options that may follow these words.
         about: Paragraphs of its description in Markdown.
         examples: Example calls, with a comment before each.
         arguments: Positional arguments.
         options: Options.
         commands: Subcommands, in the order of its help.
+        function: Function that it calls; empty for a group.
     """
 
     words: tuple[str, ...]
@@ -42,6 +65,7 @@ class Command(NamedTuple):
     arguments: list[Given]
     options: list[Given]
     commands: "list[Command]"
+    function: str
 
 
 def roletrust() -> Command:
@@ -76,6 +100,7 @@ def _read(command: Any, words: tuple[str, ...]) -> Command:
             _read(one.loaded, (*words, name))
             for name, one in getattr(command, "commands", {}).items()
         ],
+        FUNCTIONS.get(" ".join(words[1:]), ""),
     )
 
 
