@@ -87,7 +87,7 @@ $(VENV)/.ready-%: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt $(PACKAGES)
 	touch $@
 
-# What made a page of results: `make study NAME=strategic`, or one of its recipes, `make study NAME="pages zoo"`; each says in
+# What made a page of results: `make study NAME=sybils`, or one of its recipes, `make study NAME="pages zoo"`; each says in
 # its documentation how long it takes, and `make studies` lists all. PUBLISH=1 copies its files to docs/.
 study: setup
 	$(BIN)/python -m studies $(NAME) $(if $(PUBLISH),--publish)

@@ -13,12 +13,13 @@ import importlib.util
 import io
 import itertools
 import os
+import platform
 import subprocess
 import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -30,9 +31,13 @@ from roletrust_agents.smooth import one_thread
 from roletrust_env import AttackVecEnv, Game, Random, env, make_scenario, make_task, parallel_env
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
+from roletrust_env.metrics.confidence import Floats
 from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.storage.provenance import software
 from studies.study import Recipe, Study
-from studies.timing import COMPILED, Contestant, compiled, machine, measure
+
+COMPILED = "compiled torch"
+"""Name of the library in which a step is one graph."""
 
 _SAMPLES, _BATCH_SAMPLES = 64, 4  # actions, sampled before the clock starts, and used in turn
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds
@@ -68,9 +73,22 @@ class Options(NamedTuple):
     device: str = "cpu"
 
 
-_Entry = tuple[
-    str, Callable[..., Contestant]
-]  # the package that a contestant needs, and what makes it
+class Contestant(NamedTuple):
+    """A step to time.
+
+    Attributes:
+        name: Name in tables.
+        step: Function that takes one step.
+        amount: Number of actions of agents in a step.
+    """
+
+    name: str
+    step: Callable[[], Any]
+    amount: int
+
+
+_Entry = tuple[str, Callable[..., Contestant]]
+"""The package that a contestant needs, and what makes the contestant."""
 RECIPES = {"speed": Recipe(Options())}
 
 
@@ -111,11 +129,14 @@ def main(study: Study[Options]) -> None:
     rows = []
     for games, entries in groups:
         made = [make(study.seed) for package, make in entries if importlib.util.find_spec(package)]
-        timings = measure(made, _REPEATS, _SLICE_S)
-        peer = timings[0] if importlib.util.find_spec(entries[0][0]) else None
+        seconds = measure(made, _REPEATS, _SLICE_S)
+        has_peer = importlib.util.find_spec(entries[0][0])
         rows += [
-            (timing.contestant.name, games, *timing.rate(), peer and timing.ratio(peer))
-            for timing in timings
+            (
+                *(contestant.name, games, *np.percentile(1e-6 / own, (50, 0, 100)).tolist()),
+                float(np.quantile(seconds[0] / own, 0.25)) if has_peer else None,
+            )
+            for contestant, own in zip(made, seconds, strict=True)
         ]
     study.csv("speed.csv", _HEADINGS, rows)
     lines = [
@@ -133,8 +154,52 @@ def main(study: Study[Options]) -> None:
             f"{_TRAINING_GAMES} games of `AttackVecEnv`.",
             markdown_table(_SHARE_HEADINGS, shares, 1),
         ]
-    made_by = f"Made by `{study.command}` on {machine()}."
+    packages = software()["packages"]
+    made_by = (
+        f"Made by `{study.command}` on {os.cpu_count()} cores of {platform.machine()}, Python "
+        f"{platform.python_version()}, numpy {packages['numpy']}, torch {packages['torch']} on 1 "
+        "of them."
+    )
     study.page("speed.md", "# Speed", *tables, made_by)
+
+
+def measure(contestants: Sequence[Contestant], repeats: int, slice_s: float) -> Floats:
+    """Return the seconds per action of each contestant in each turn, shape (contestants, repeats).
+
+    Contestants take turns in this process, so that other work on the machine affects all alike.
+
+    Args:
+        contestants: Contestants.
+        repeats: Number of turns of each contestant.
+        slice_s: Approximate length of a turn in seconds; a turn is at least one step.
+    """
+    steps = [_steps_in(contestant, slice_s) for contestant in contestants]
+    turns = [
+        [_seconds(contestant, n) for contestant, n in zip(contestants, steps, strict=True)]
+        for _ in range(repeats)
+    ]
+    amounts = np.array([[contestant.amount] for contestant in contestants])
+    seconds: Floats = np.transpose(turns) / amounts
+    return seconds
+
+
+def _seconds(contestant: Contestant, steps: int) -> float:
+    """Return the mean time of a step in seconds."""
+    step = contestant.step
+    start = time.perf_counter()
+    for _ in range(steps):
+        step()
+    return (time.perf_counter() - start) / steps
+
+
+def _steps_in(contestant: Contestant, seconds: float) -> int:
+    """Return the number of steps that fill a time."""
+    # torch compiles one graph for the first round and one for those that follow
+    _seconds(contestant, 3)
+    steps = 1
+    while (elapsed := _seconds(contestant, steps) * steps) < seconds / 4:
+        steps *= 2
+    return max(1, round(steps * seconds / elapsed))
 
 
 def first_step(preset: str, engine: str) -> list[str]:
@@ -271,7 +336,18 @@ def batch(library: str, device: str, games: int, seed: int) -> Contestant:
         state, rewards = game.step(state, joint, game.noise(key, state.round.shape))
         return state, rewards, game.observations(state)
 
-    played = compiled(advance) if library == COMPILED else advance
+    if library == COMPILED:
+        settings: dict[str, Any] = {
+            # Steps of several sizes share their code, and torch limits the compilations of a code
+            # by default.
+            "isolate_recompiles": True,
+            # The library does not change during the timing; guards on the arguments stay.
+            "options": {"guard_filter_fn": torch.compiler.skip_guard_on_globals_unsafe},
+        }
+        compiled: Any = torch.compile(advance, dynamic=False, fullgraph=True, **settings)
+        played = torch.inference_mode()(compiled)
+    else:
+        played = advance
 
     def play() -> Iterator[None]:
         while True:

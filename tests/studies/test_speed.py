@@ -9,10 +9,9 @@ import pytest
 from csv_files import csv_rows
 
 from roletrust_agents.smooth import one_thread
-from roletrust_env.metrics.confidence import Interval
 from studies import speed
+from studies.speed import COMPILED, Contestant, measure
 from studies.study import run
-from studies.timing import COMPILED, Contestant, Timing, measure
 
 pytestmark = pytest.mark.slow
 
@@ -38,7 +37,7 @@ def test_every_contestant_gets_its_turns():
     taken = []
     contestants = [Contestant(name, partial(taken.append, name), 1) for name in "ab"]
     timings = measure(contestants, repeats=3, slice_s=1e-9)
-    assert [len(t.seconds) for t in timings] == [3, 3]
+    assert timings.shape == (2, 3)
     assert taken[-6:] == ["a", "b"] * 3
 
 
@@ -66,6 +65,8 @@ def test_torch_has_its_threads_again_afterwards() -> None:
     assert torch.get_num_threads() == before
 
 
-def test_rates() -> None:
-    one = Timing(Contestant("x", lambda: None, 60), (1.0, 2.0, 4.0))
-    assert one.rate() == pytest.approx(Interval(30e-6, 15e-6, 60e-6))
+def test_time_is_per_action(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter(range(1000))
+    monkeypatch.setattr(speed.time, "perf_counter", lambda: float(next(clock)))
+    contestants = [Contestant("x", lambda: None, amount) for amount in (1, 4)]
+    np.testing.assert_allclose(measure(contestants, repeats=2, slice_s=1), [[1, 1], [0.25, 0.25]])

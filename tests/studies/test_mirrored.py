@@ -1,11 +1,15 @@
 """Two worlds that swap roles: their ratings are the same, and so is the trust of every model."""
 
+import re
+
 import numpy as np
 import pytest
 
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.trust import Traits, make_trust_model, trust_models
-from studies.questions.mirrored import over_both, played, sentence, trust_in, worlds
+from studies import mirrored
+from studies.mirrored import over_both, played, sentence, trust_in, worlds
+from studies.study import run
 
 pytestmark = pytest.mark.slow
 
@@ -76,13 +80,15 @@ def test_what_one_world_gives_the_other_takes(half):
     )  # two consumers, one of them misled
 
 
-def test_the_sentence_names_whoever_is_not_at_0():
+def test_the_sentence_counts_the_models_that_are_at_0():
     none, some = Estimate(0.0, 0.0), Estimate(0.25, 0.01)
-    assert "2 of 2 models have a skill of 0" in sentence(
-        {"a": none, "b": none}, {"a": none, "b": some}
-    )
-    assert "own trust has 0.250 ± 0.010 with b" in sentence(
-        {"a": none, "b": none}, {"a": none, "b": some}
-    )
-    assert "1 of 2 models" in sentence({"a": some, "b": none}, {"a": some})
-    assert "others: a (0.250 ± 0.010)" in sentence({"a": some, "b": none}, {"a": some})
+    text = sentence({"a": (none, none), "b": (none, some), "c": (some, none)})
+    assert re.findall(r"\d+ of \d+", text) == ["2 of 3"]
+    assert re.findall(r"[\d.]+ ± [\d.]+\d", text) == ["0.250 ± 0.010"] * 2
+
+
+def test_the_study_draws_every_share(tmp_path, monkeypatch):
+    monkeypatch.setattr(mirrored, "trust_models", lambda: ["mean", "own-experience"])
+    run("studies.mirrored", ["--games", "2", "--rounds", "4", "--out", str(tmp_path)])
+    assert "2 of 2 models" in (tmp_path / "mirrored.md").read_text()
+    assert (tmp_path / "mirrored.png").stat().st_size > 10_000

@@ -1,31 +1,49 @@
-"""The share of liars at which honest and dishonest worlds look alike.
+"""The share of liars from which on no model can tell an honest world from a dishonest one.
 
 In world A the first camp of raters is honest, and the second reports the complement of what it
 perceives. In world B every quality is the complement of that in A; the first camp is honest there,
 too, and the second lies. Then the first camp says in B what the second says in A, and the other way
 round: the ratings are the same but for the places of the raters. A model that treats raters alike
-and sees nothing but ratings gives every provider the same trust in both.
+and sees nothing but ratings gives every provider the same trust in both. A minute on one core.
 """
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from roletrust_env.metrics import skill
-from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from roletrust_env.metrics.confidence import Estimate, Floats, Interval, estimate
 from roletrust_env.trust import Ratings, Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import start_model
-from roletrust_experiments.plots.charts import Panel, Series
-from studies.questions.answers import Effort, Finding, amount, exact
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
+from studies.study import Recipe, Study, plus_minus
 
 QUESTION = "From which share of liars on can no model tell an honest world from a dishonest one?"
-RATERS, PROVIDERS, ROUNDS, RESERVE = 20, 8, 20, 3
+RATERS, PROVIDERS, RESERVE = 20, 8, 3
 _HALF = RATERS // 2
-_LIARS = _HALF, 2, 4, 6, 8, 9, 12
+_LIARS = 2, 4, 6, 8, 9, _HALF, 12
 _CENTRAL = "leave-one-out", "wary-role-trust", "iterative-filtering", "median", "role-trust"
 _PERSONAL = "own-experience", "travos", "fire", "qor"
 _NOISE, _RATED = 0.05, 0.5
+_MORE = f", {RESERVE} more identities a liar"
 _TIE = 1e-9  # trust that differs by less is the same but for rounding
+
+
+class Options(NamedTuple):
+    """Size of the study.
+
+    Attributes:
+        games: Number of games of each world.
+        rounds: Number of rounds of a game.
+    """
+
+    games: int = 48
+    rounds: int = 20
+
+
+FILES = ("mirrored.png", "mirrored.md")
+RECIPES = {"mirrored": Recipe(Options(), {name: f"findings/{name}" for name in FILES})}
 
 
 class World(NamedTuple):
@@ -44,72 +62,51 @@ class World(NamedTuple):
     honest: int
 
 
-def answer(effort: Effort) -> Finding:
+def main(study: Study[Options]) -> None:
     """Play every model where half of the raters lie, and some with other shares, without and with
     more identities.
     """
-    rng = np.random.default_rng(effort.seed)
-    rounds, liars = effort.rounds(ROUNDS), sorted(effort.values_to_try(_LIARS))
-    several = {many: worlds(RATERS - many, many, rounds, effort.games, rng) for many in liars}
-    spare = {
-        k: worlds(RATERS - k, k * (1 + RESERVE), rounds, effort.games, rng) for k in (1, 2, 3, 4, 6)
-    }
-    published: dict[str, Estimate] = {}
-    own: dict[str, Estimate] = {}
-    for name in tuple(trust_models()):
-        published[name], own[name] = played(name, several[_HALF])
+    games, rounds = study.options
+    rng = np.random.default_rng(study.seed)
+    several = {many: worlds(RATERS - many, many, rounds, games, rng) for many in _LIARS}
+    spare = {k: worlds(RATERS - k, k * (1 + RESERVE), rounds, games, rng) for k in (1, 2, 3, 4, 6)}
+    at_half = {name: played(name, several[_HALF]) for name in trust_models()}
     panels = []
-    more = f"{RESERVE} more identities a liar"
-    for title, models, part, pairs in (
-        ("by published trust", _CENTRAL, 0, several),
-        ("each judge by its own trust", _PERSONAL, 1, several),
-        (f"by published trust, {more}", _CENTRAL, 0, spare),
-        (f"each judge by its own trust, {more}", _PERSONAL, 1, spare),
-    ):
-        values_of_model = {
-            name: [played(name, pair)[part].interval for pair in pairs.values()] for name in models
-        }
+    for pairs, more, bound in ((several, "", 0.5), (spare, _MORE, 1 / (2 + RESERVE))):
         shares = [many / RATERS for many in pairs]
-        series = [Series(name, shares, values) for name, values in values_of_model.items()]
-        limit = 1 / (2 + RESERVE) if pairs is spare else 0.5
-        known = (
-            []
-            if part
-            else [
-                Series(
-                    "bound",
-                    [0.0, limit, limit, shares[-1]],
-                    [*map(exact, (1, 1, 0, 0))],
-                    known=True,
-                )
+        steps = [Interval(y, y, y) for y in (1.0, 1.0, 0.0, 0.0)]
+        known = [Series("bound", [0.0, bound, bound, shares[-1]], steps, known=True)]
+        for title, models, part in (
+            ("by published trust", _CENTRAL, 0),
+            ("each judge by its own trust", _PERSONAL, 1),
+        ):
+            series = [
+                Series(name, shares, [played(name, pair)[part].interval for pair in pairs.values()])
+                for name in models
             ]
-        )
-        panels.append(
-            Panel(
-                title, "share of the raters that lie", "skill over both worlds", [*series, *known]
-            )
-        )
-    return Finding(QUESTION, sentence(published, own), panels, effort.games)
+            along, what = "share of the raters that lie", "skill over both worlds"
+            panels.append(Panel(title + more, along, what, series if part else series + known))
+    note = f"{games} games for each value; 95% intervals"
+    study.figure("mirrored.png", panels_figure(QUESTION, panels, note))
+    study.page("mirrored.md", sentence(at_half), f"{games} games; made by `{study.command}`.")
 
 
-def sentence(published: dict[str, Estimate], own: dict[str, Estimate]) -> str:
+def sentence(at_half: Mapping[str, tuple[Estimate, Estimate]]) -> str:
     """Return the answer from the skill of each model where half of the raters lie, by published and
     by own trust.
     """
-    zero = [name for name, trust_gap in published.items() if abs(trust_gap.mean) <= _TIE]
     others = [
-        f"{name} ({amount(trust_gap)})" for name, trust_gap in published.items() if name not in zero
+        f"{name} ({plus_minus(published)})"
+        for name, (published, _) in at_half.items()
+        if abs(published.mean) > _TIE
     ]
-    best = max(own, key=lambda name: own[name].mean)
     rest = f"; others: {', '.join(others)}" if others else ""
+    best, (_, own) = max(at_half.items(), key=lambda skills: skills[1][1].mean)
     return (
-        f"From a half on: there {len(zero)} of {len(published)} models have a skill of 0 over both "
-        "worlds by published "
-        f"trust, up to rounding{rest}. Own experience escapes the bound: a judge that goes by its "
-        "own trust has "
-        f"{amount(own[best])} with {best}. If a liar has {RESERVE} identities more, the bound is "
-        "at "
-        f"{1 / (2 + RESERVE):.0%}."
+        f"From a half on: there {len(at_half) - len(others)} of {len(at_half)} models have a skill "
+        f"of 0 over both worlds by published trust, up to rounding{rest}. Own experience escapes "
+        f"the bound: a judge that uses its own trust has {plus_minus(own)} with {best}. If a liar "
+        f"has {RESERVE} more identities, the bound is at {1 / (2 + RESERVE):.0%}."
     )
 
 

@@ -1,1 +1,0 @@
-"""Honest agents that are learners, too: strategies, how they learn, and what deviating brings."""
