@@ -111,16 +111,17 @@ def search_names() -> list[str]:
     """The search methods by name, without those that need a saved result or learn for long."""
     from roletrust_env.evaluation.search import search_methods
 
-    return [name for name in search_methods.describe() if name not in ("universal", "best known")]
+    return [*(name for name in search_methods.describe() if name != "universal"), "exact"]
 
 
 def searched(name: str, arguments: dict[str, Any], budget: int) -> Any:
     """The attack that a search method finds: its words, its rounds, and its rewards in held-out
     games."""
-    from roletrust_env.evaluation.search import UnsuitableError, find, search_methods
+    from roletrust_env.evaluation.search import UnsuitableError, bounds, find, search_methods
 
     try:
-        found = find(search_methods.make(name), arguments, budget=budget, seed=0, games=4)
+        method = (bounds if name in bounds.names() else search_methods).make(name)
+        found = find(method, arguments, budget=budget, seed=0, games=4)
     except UnsuitableError:
         return "unsuitable"
     return [found.description, found.rounds, found.scores, found.objective, found.cost]

@@ -2,12 +2,10 @@
 
 from typing import TYPE_CHECKING, Any
 
-from roletrust_agents.honest import Honest
-
 if TYPE_CHECKING:
     from roletrust_agents.training.train import Training, train
 
-__all__ = ["Honest", "Training", "train"]
+__all__ = ["Training", "train"]
 
 
 def __getattr__(name: str) -> Any:

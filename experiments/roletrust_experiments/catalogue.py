@@ -13,7 +13,6 @@ from typing import Any, get_type_hints
 
 from roletrust_env import Policy
 from roletrust_env.benchmarking.learners.learner import registry as learners
-from roletrust_env.benchmarking.learners.learner import search_names
 from roletrust_env.evaluation.scripts import as_spec, declared_facts, declared_ranges
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.game.policy import registry as attackers
@@ -78,9 +77,13 @@ def all_learners() -> dict[str, Entry]:
     """
 
     def entry(factory: Callable[..., Any]) -> Entry:
-        return {"description": summary(factory), "parameters": _parameters(factory)}
+        facts = {
+            "knowledge": getattr(factory, "knowledge", "black_box"),
+            "known_start": getattr(factory, "known_start", False),
+        }
+        return {"description": summary(factory), **facts, "parameters": _parameters(factory)}
 
-    searches = _entries(search_names(), lambda name: entry(search_methods.factory(name)))
+    searches = _entries(search_methods.names(), lambda name: entry(search_methods.factory(name)))
     return {**searches, **_entries(learners.names(), lambda name: entry(learners.factory(name)))}
 
 

@@ -76,7 +76,12 @@ class SearchResult(NamedTuple):
 
 @runtime_checkable
 class SearchMethod(Protocol):
-    """A way to find an attack."""
+    """A way to find an attack.
+
+    A class may say what it needs in further attributes: `knowledge` of the game, `"black_box"`
+    unless it says more; `known_start`, whether it starts from known attackers; and `objectives`,
+    the only ones that it is for.
+    """
 
     @property
     def name(self) -> str:
@@ -103,6 +108,11 @@ search_methods: Registry[SearchMethod] = Registry(
 
 register_search_method = search_methods.register
 """Register the class of a search method under a name, see `Registry.register`."""
+
+
+bounds: Registry[SearchMethod] = Registry("bound", "roletrust_env.bounds", SearchMethod)
+"""Methods that know the best attack of some tasks, or a reward that no attack exceeds. They have no
+budget, and their `SearchResult.bound` has share 1 in a benchmark of learners."""
 
 
 @dataclass(frozen=True)

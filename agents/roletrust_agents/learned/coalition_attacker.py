@@ -32,7 +32,7 @@ class NetworkAttacker:
 
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> Any:
         """See `roletrust_env.evaluation.attackers.Attacker`."""
-        observed = task if self.knowledge is None else with_knowledge(task, self.knowledge)
+        observed = task if self.knowledge is None else task.changed(knowledge=self.knowledge)
         return observed, self.network.begin(np.zeros(batch))
 
     def act(
@@ -42,11 +42,6 @@ class NetworkAttacker:
         observed, remembered = memory
         action, remembered = self.network(observed.observe(state), remembered)
         return cast(action, task.game.like.dtype), (observed, remembered)
-
-
-def with_knowledge(task: AttackTask, knowledge: Knowledge) -> AttackTask:
-    """Return the same task, observed with another knowledge."""
-    return task.changed(knowledge=knowledge)
 
 
 @dataclass(frozen=True, eq=False)

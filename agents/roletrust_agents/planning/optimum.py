@@ -4,6 +4,7 @@ of raters.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,6 +29,8 @@ class Exact:
     """
 
     name: str = "exact"
+    knowledge: ClassVar = "white_box"
+    objectives: ClassVar = ("exploit",)
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""
@@ -63,6 +66,8 @@ class BestKnown:
     """
 
     name: str = "best known"
+    knowledge: ClassVar = "white_box"
+    objectives: ClassVar = ("damage",)
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""

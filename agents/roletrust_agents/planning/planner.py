@@ -7,7 +7,7 @@ random numbers. The resulting sequence is open-loop: it does not react to the ga
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -55,6 +55,7 @@ class Planner:
     samples: int = 4
     rate: float = 0.3
     name: str = "white-box planner"
+    knowledge: ClassVar = "white_box"
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""

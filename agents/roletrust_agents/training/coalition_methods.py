@@ -57,6 +57,7 @@ class CoalitionSearch(ABC):
     known: tuple[str, ...] = ()
     wide: bool = True
     name: str = "coalition"
+    known_start: ClassVar = True
 
     _training: ClassVar[type[CoalitionTraining[Any]]]
     _settings: ClassVar[type[CoalitionSettings]]

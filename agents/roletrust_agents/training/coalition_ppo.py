@@ -5,7 +5,7 @@ of rounds.
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -214,6 +214,7 @@ class CoalitionPpo:
     clip_range: float = 0.3
     spread: float | None = None
     name: str = "coalition PPO"
+    known_start: ClassVar = True
 
     def __post_init__(self) -> None:
         """Check the parameters."""

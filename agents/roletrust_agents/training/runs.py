@@ -1,11 +1,8 @@
 """Folders of training runs, and what a run is."""
 
-import hashlib
 import json
-import os
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -18,7 +15,6 @@ from roletrust_agents.learned.cards import (
     Count,
     InputCard,
     ModelCard,
-    Name,
     ScoreCard,
     TaskCard,
     TrainingCard,
@@ -36,17 +32,19 @@ from roletrust_env.envs.task_batch import compile_batch
 from roletrust_env.errors import short, validation_message
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.metrics.confidence import GameMean, over_games
+from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.files import (
     clear_unfinished,
     prepare_folder,
     replacing,
-    unfinished_path,
     write_json,
 )
 from roletrust_env.storage.untrusted import UntrustedModel, parse_json
 
 _KEPT = 2
 """Number of checkpoints on disk: the last one, and one to fall back on if the last is damaged."""
+
+_NOTES = "notes.json"
 
 
 class Checkpoint(NamedTuple):
@@ -61,14 +59,6 @@ class Checkpoint(NamedTuple):
     steps: int
     files: Mapping[str, bytes]
     notes: Mapping[str, Any]
-
-
-class _About(UntrustedModel):
-    """What a checkpoint has beside its files: their digests by name, and its notes."""
-
-    steps: Count
-    sha256: dict[Name, str]
-    notes: dict[str, Any]
 
 
 class RunFolder:
@@ -135,29 +125,20 @@ class RunFolder:
 
     def save(self, checkpoint: Checkpoint) -> None:
         """Add a checkpoint, either complete or not at all, and remove all but the last two."""
-        self._checkpoints.mkdir(parents=True, exist_ok=True)
-        final = self._checkpoints / f"{checkpoint.steps:012d}"
-        new = unfinished_path(final)
-        shutil.rmtree(new, ignore_errors=True)  # of a failed attempt of this process
-        new.mkdir()
-        digests = {
-            name: hashlib.sha256(data).hexdigest() for name, data in checkpoint.files.items()
-        }
-        about = {"steps": checkpoint.steps, "sha256": digests, "notes": checkpoint.notes}
-        for name, data in {**checkpoint.files, "about.json": json.dumps(about).encode()}.items():
-            with (new / name).open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-        if final.exists():  # damaged, or training would have continued from it
-            shutil.rmtree(final)
-        os.replace(new, final)
+        files = {**checkpoint.files, _NOTES: json.dumps(checkpoint.notes).encode()}
+        arrays = {name: np.frombuffer(data, np.uint8) for name, data in files.items()}
+        save_arrays(self._checkpoints / f"{checkpoint.steps:012d}.npz", arrays)
         for old in self._found()[_KEPT:]:
-            shutil.rmtree(old)
+            old.unlink()
 
     def last(self) -> Checkpoint | None:
         """Return the newest undamaged checkpoint; None if there is none."""
-        return next((record for path in self._found() if (record := _read(path)) is not None), None)
+        for path in self._found():
+            with suppress(ValueError, OSError):
+                files = {name: data.tobytes() for name, data in load_arrays(path).items()}
+                notes = json.loads(files.pop(_NOTES))
+                return Checkpoint(int(path.stem), files, notes)
+        return None
 
     @contextmanager
     def restoring(self) -> Iterator[Checkpoint | None]:
@@ -176,34 +157,14 @@ class RunFolder:
             ) from None
 
     def _found(self) -> list[Path]:
-        """Return the folders of checkpoints, the newest first."""
-        return sorted(
-            (path for path in self._checkpoints.glob("[0-9]*") if path.is_dir()), reverse=True
-        )
+        """Return the files of checkpoints, the newest first."""
+        return sorted(self._checkpoints.glob("[0-9]*.npz"), reverse=True)
 
 
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a file whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_bytes(data)
-
-
-def _read(path: Path) -> Checkpoint | None:
-    """Return a checkpoint; None if a file is missing or has changed since it was written."""
-    try:
-        about = _About.model_validate_json((path / "about.json").read_bytes())
-        files = {name: (path / name).read_bytes() for name in about.sha256}
-    except (OSError, ValueError):
-        return None
-    same = all(
-        hashlib.sha256(files[name]).hexdigest() == expected
-        for name, expected in about.sha256.items()
-    )
-    return (
-        Checkpoint(about.steps, files, about.notes)
-        if same and f"{about.steps:012d}" == path.name
-        else None
-    )
 
 
 GAMES = 16

@@ -5,6 +5,7 @@ them.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -105,6 +106,7 @@ class Universal:
 
     wide: bool = True
     name: str = "universal"
+    known_start: ClassVar = True
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""

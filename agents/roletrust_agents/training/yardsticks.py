@@ -14,7 +14,7 @@ from roletrust_env.arrays import Array
 from roletrust_env.evaluation.attackers import Scripted, side_by_side
 from roletrust_env.evaluation.measurement import TaskArguments
 from roletrust_env.evaluation.scripts import Scripts, describe_attack, with_paper
-from roletrust_env.evaluation.search import UnsuitableError, find, search_methods
+from roletrust_env.evaluation.search import UnsuitableError, bounds, find
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy import registry as attackers
@@ -94,16 +94,16 @@ def best_script(tasks: Sequence[AttackTask], *, games: int, seed: int) -> Yardst
 
 
 def known_scores(arguments: TaskArguments, seed: int) -> list[Yardstick]:
-    """Return the score of the exact optimum of a provider, or of the best known lies of raters;
-    most tasks have none.
+    """Return the score of each bound that is known for a task, such as the exact optimum of a
+    provider; most tasks have none.
 
     Args:
         arguments: Arguments of the task.
         seed: Random seed; without effect where an optimum is known, since nothing is random there.
     """
     known = []
-    for name, words in (("exact", "optimum"), ("best known", "best known")):
+    for name in bounds.names():
         with suppress(UnsuitableError):
-            result = find(search_methods.make(name), arguments, budget=0, seed=seed, games=1)
-            known.append(Yardstick(words, float(result.scores.mean())))
+            result = find(bounds.make(name), arguments, budget=0, seed=seed, games=1)
+            known.append(Yardstick(name, float(result.scores.mean())))
     return known

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env.benchmarking.learners.learner import registry as learners
-from roletrust_env.benchmarking.learners.learner import search_names
+from roletrust_env.evaluation.search import search_methods
 from roletrust_experiments.catalogue import CATALOGUE, Entry, unfit, where_searched
 from roletrust_experiments.commands.console import (
     console,
@@ -69,7 +69,7 @@ def _print_names(kinds: list[str]) -> None:
     """Print the names of each kind, and why an entry cannot be read."""
     for kind in kinds:
         entries: Mapping[str, Entry] = (
-            {name: {} for name in [*search_names(), *learners.names()]}  # which import much
+            {name: {} for name in [*search_methods.names(), *learners.names()]}  # which import much
             if kind == "learners"
             else CATALOGUE[kind]()
         )
@@ -125,7 +125,8 @@ def _described(entry: Entry, kind: Kind) -> tuple[list[str], list[str]]:
         allowed = [f"{name}  [dim]{escape(one['allowed'])}[/]" for name, one in parameters.items()]
         return [origin, *limits], allowed
     if kind == "learners":
-        return [], list(parameters)
+        known = ["starts from known attackers"] if entry["known_start"] else []
+        return [f"knowledge: {entry['knowledge']}", *known], list(parameters)
     where = {name: where_searched(one) for name, one in parameters.items()}
     searched = [f"{name}  [dim]{escape(range)}[/]" for name, range in where.items() if range]
     others = ", ".join(name for name, range in where.items() if not range)

@@ -24,6 +24,7 @@ from roletrust_env.evaluation.search import (
     HonestPlay,
     SearchMethod,
     SearchResult,
+    bounds,
     search_methods,
 )
 from roletrust_env.evaluation.specs import parse_named
@@ -33,10 +34,6 @@ from roletrust_env.registry import Registry
 
 HONEST_PLAY = "honest play"
 """Name of the reference whose share of the optimum is 0."""
-
-BOUNDS = ("exact", "best known")
-"""References whose share of the optimum is 1: the optimum and a proven bound. Each is known on some
-tasks only."""
 
 GAMES = 32
 """Default number of parallel games of a learner."""
@@ -166,27 +163,20 @@ class LearnedAttacker:
         return actions.T.reshape(task.action_size, *batch).astype(observations.dtype), None
 
 
-def search_names() -> list[str]:
-    """Return the names of the search methods that learners are compared with: all registered ones
-    but `BOUNDS`.
-    """
-    return [name for name in search_methods.names() if name not in BOUNDS]
-
-
 def is_search(name: str) -> bool:
-    """Return whether the name of a learner is one of `search_names()`, with parameters or
+    """Return whether the name of a learner is that of a search method, with parameters or
     without.
     """
-    return name.partition(":")[0] in search_names()
+    return name.partition(":")[0] in search_methods.names()
 
 
 def make_search_method(name: str, task_id: str) -> SearchMethod:
     """Return a search method for a task.
 
     Args:
-        name: `HONEST_PLAY`, one of `BOUNDS`, that of a search method, or the name of a learner: an
-            installed one, or `package.module:Class`. Search methods and learners may have
-            parameters, as in `NAME:key=value,...`.
+        name: `HONEST_PLAY`, that of a bound, of a search method, or of a learner: an installed one,
+            or `package.module:Class`. Search methods and learners may have parameters, as in
+            `NAME:key=value,...`.
         task_id: Gymnasium id of the task, one of `TASKS`.
 
     Raises:
@@ -194,11 +184,11 @@ def make_search_method(name: str, task_id: str) -> SearchMethod:
     """
     if name == HONEST_PLAY:
         return HonestPlay()
-    if name in BOUNDS:
-        return search_methods.make(name)
+    if name in bounds.names():
+        return bounds.make(name)
     if is_search(name):
         return parse_named(search_methods, name)
     if ":" not in name and name not in registry.names():
-        known = suggest(name, [*search_names(), *registry.names()])
+        known = suggest(name, [*search_methods.names(), *registry.names()])
         raise ValueError(f"unknown learner {name!r}{known}, or your own package.module:Class")
     return LearnerTraining(parse_named(registry, name), name, task_id)

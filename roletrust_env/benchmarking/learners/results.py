@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.benchmarking.learners.learner import BOUNDS, HONEST_PLAY
+from roletrust_env.benchmarking.learners.learner import HONEST_PLAY
 from roletrust_env.benchmarking.learners.suite import LearnersSuite, Trial
 from roletrust_env.benchmarking.schema import CellResult
+from roletrust_env.evaluation.search import bounds
 from roletrust_env.metrics.confidence import Interval, interquartile_mean
 
 ALL_TASKS = "all tasks"
@@ -84,19 +85,19 @@ class LearnerResult(NamedTuple):
 
 
 def make_scale(
-    honest: Sequence[LearnerRun], bounds: dict[str, float], runs: Sequence[LearnerRun]
+    honest: Sequence[LearnerRun], tops: dict[str, float], runs: Sequence[LearnerRun]
 ) -> TaskScale:
     """Return the scale of a task.
 
     Args:
         honest: Runs of honest play, one for each seed.
-        bounds: Known upper bounds of the score, by description.
+        tops: Known upper bounds of the score, by name.
         runs: Runs of the learners. Without a bound the top score is the highest mean over the seeds
             of a learner and a budget.
     """
     honest_scores = {run.seed: run.score for run in honest}
-    for description, bound in bounds.items():
-        return TaskScale(honest_scores, bound, description)
+    for name, top in tops.items():
+        return TaskScale(honest_scores, top, f"the bound {name!r}")
     means = {key: float(np.mean(scores)) for key, scores in _group_scores(runs).items()}
     if not means:
         return TaskScale(honest_scores, np.nan, "not known")
@@ -163,24 +164,19 @@ def _group_scores(runs: Sequence[LearnerRun]) -> dict[tuple[str, int], list[floa
     return scores
 
 
-_BOUND_DESCRIPTIONS = dict(
-    zip(BOUNDS, ("the exact optimum", "a bound that is proven"), strict=True)
-)
-
-
 def learner_results(
     suite: LearnersSuite, stored: Sequence[tuple[Trial, CellResult]]
 ) -> tuple[dict[str, TaskScale], list[LearnerResult]]:
     """Return the scale of each task that has been played, and the results of the learners."""
     runs: list[LearnerRun] = []
-    bounds: dict[str, dict[str, float]] = {task: {} for task in suite.tasks}
+    tops: dict[str, dict[str, float]] = {task: {} for task in suite.tasks}
     for trial, result in stored:
         for row in result.rows:
             runs.append(
                 LearnerRun(*trial, float(np.mean(np.array(row.measured["score"], np.float64))))
             )
             if bound := row.measured.get("bound"):
-                bounds[trial.task][_BOUND_DESCRIPTIONS[trial.learner]] = float(bound[0] or 0.0)
+                tops[trial.task][trial.learner] = float(bound[0] or 0.0)
     honest = {
         task: [run for run in runs if (run.task, run.learner) == (task, HONEST_PLAY)]
         for task in suite.tasks
@@ -189,10 +185,10 @@ def learner_results(
     learners = [
         run
         for run in runs
-        if run.learner not in (HONEST_PLAY, *BOUNDS) and run.seed in seeds[run.task]
+        if run.learner not in (HONEST_PLAY, *bounds.names()) and run.seed in seeds[run.task]
     ]
     scales = {
-        task: make_scale(honest[task], bounds[task], [run for run in learners if run.task == task])
+        task: make_scale(honest[task], tops[task], [run for run in learners if run.task == task])
         for task in suite.tasks
         if honest[task]
     }

@@ -10,7 +10,6 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 from pydantic import Field, PositiveInt, model_validator
 
 from roletrust_env.benchmarking.learners.learner import (
-    BOUNDS,
     HONEST_PLAY,
     is_search,
     make_search_method,
@@ -25,7 +24,7 @@ from roletrust_env.benchmarking.schema import (
 )
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.evaluation.measurement import TaskArguments
-from roletrust_env.evaluation.search import UnsuitableError, find
+from roletrust_env.evaluation.search import UnsuitableError, bounds, find
 from roletrust_env.evaluation.specs import named_factory
 from roletrust_env.game.attack_task import Objective
 from roletrust_env.game.make_task import Observation, make_task
@@ -38,7 +37,7 @@ class Trial(NamedTuple):
 
     Attributes:
         task: Name of the task in the suite.
-        learner: Name of the learner in the suite, or `HONEST_PLAY` or one of `BOUNDS`, which have
+        learner: Name of the learner in the suite, or `HONEST_PLAY` or a bound, which have
             no budget.
         budget: Budget in game rounds.
         seed: Random seed.
@@ -125,7 +124,7 @@ class LearnersSuite(SuiteSchema):
         check_unique(learners=self.learners)
         if list(self.budgets) != sorted(set(self.budgets)):
             raise ValueError(f"budgets must be increasing, not {self.budgets}")
-        if references := {HONEST_PLAY, *BOUNDS} & {*self.learners}:
+        if references := {HONEST_PLAY, *bounds.names()} & {*self.learners}:
             raise ValueError(
                 f"learners must not contain {references.pop()!r}, which is always played"
             )
@@ -149,7 +148,7 @@ class LearnersSuite(SuiteSchema):
         ]
         trials += [Trial(task, HONEST_PLAY, 0, seed) for task in self.tasks for seed in self.seeds]
         return trials + [
-            Trial(task, bound, 0, self.seeds[0]) for task in self.tasks for bound in BOUNDS
+            Trial(task, bound, 0, self.seeds[0]) for task in self.tasks for bound in bounds.names()
         ]
 
     def factories(self) -> dict[str, Callable[..., Any]]:

@@ -67,8 +67,8 @@ RUNS = [
 
 
 def test_a_share_lies_between_honest_play_in_the_same_games_and_the_top_score():
-    known = make_scale(HONEST_RUNS["a"], {"the exact optimum": 1.05}, RUNS[:4])
-    assert known.description == "the exact optimum"
+    known = make_scale(HONEST_RUNS["a"], {"exact": 1.05}, RUNS[:4])
+    assert known.description == "the bound 'exact'"
     assert [known.share(run) for run in RUNS[:2]] == pytest.approx(
         [0.5, 0.4]
     )  # 0.05 is honest play in the mean
@@ -85,7 +85,7 @@ def test_without_a_run_above_honest_play_there_is_no_share():
 
 def test_a_learner_without_a_task_has_no_result_over_all_tasks():
     scales = {
-        "a": make_scale(HONEST_RUNS["a"], {"the exact optimum": 1.05}, RUNS[:4]),
+        "a": make_scale(HONEST_RUNS["a"], {"exact": 1.05}, RUNS[:4]),
         "b": make_scale(HONEST_RUNS["b"], {}, RUNS[4:]),
     }
     results = aggregate(scales, RUNS)

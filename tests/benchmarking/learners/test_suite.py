@@ -67,7 +67,7 @@ def test_the_exact_optimum_is_share_1(tmp_path):
         assert store.finished_keys() == {trial.key for trial in suite.cells()}
     assert {one.cell for one in stored} == set(suite.cells())
     scales, results = learner_results(suite, stored)
-    assert scales["provider"].description == "the exact optimum"
+    assert scales["provider"].description == "the bound 'exact'"
     assert scales["dual"].description.startswith("the best that was found, by CMA-ES with")
     shares = {(one.task, one.budget): one.share.value for one in results}
     assert 0.3 < shares["provider", 4000] < 1

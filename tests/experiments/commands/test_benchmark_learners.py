@@ -49,7 +49,7 @@ def test_a_learner_of_ones_own_beside_the_suites(here, in_process):
     asked = ["all", "my_learners:Always:quality=0.4", "my_learners:Greedy"]
     result = printed(*TINY, *asked, "--out", "out", code=1)  # the greedy one plays more than it may
     told = result
-    assert "provider: the exact optimum" in told
+    assert "provider: the bound" in told
     assert (
         "my_learners:Greedy|4000|0: 0 of 4000 rounds are left, and a step of 32 games needs more"
         in told

@@ -9,7 +9,7 @@ import roletrust_env
 from roletrust_agents.learned.saved import zoo
 from roletrust_env import Scenario, make_scenario, scenarios, trust_models
 from roletrust_env.benchmarking import register_learner
-from roletrust_env.benchmarking.learners.learner import search_names
+from roletrust_env.evaluation.search import search_methods
 from roletrust_env.trust import Mean, register_trust_model
 from roletrust_experiments.catalogue import all_attackers, all_models
 from roletrust_experiments.cli import app
@@ -41,11 +41,11 @@ class Steady:
 def test_learners_are_listed_with_those_of_others():
     register_learner("steady", Steady)
     printed = " ".join(run("learners").output.split())
-    assert all(name in printed for name in search_names())
+    assert all(name in printed for name in search_methods.names())
     assert "Plays one quality in every round. quality=0.4" in printed
     assert "steady" in run().output
     learners = json.loads(run("learners", "--json").output)["learners"]
-    assert list(learners) == [*search_names(), "steady"]
+    assert list(learners) == [*search_methods.names(), "steady"]
     assert learners["steady"]["parameters"]["quality"]["default"] == 0.4
 
 
@@ -169,7 +169,7 @@ def test_json_holds_all_there_is():
         "scenarios": set(scenarios()),
         "models": set(trust_models()),
         "attackers": set(roletrust_env.attackers()),
-        "learners": set(search_names()),
+        "learners": set(search_methods.names()),
         "zoo": set(zoo()),
     }
     for name, fields in found["scenarios"].items():
