@@ -26,7 +26,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_agents.learned.methods import learned_methods
 from roletrust_agents.planning.optimum import BestKnown, Exact
 from roletrust_agents.planning.planner import Planner
 from roletrust_agents.training.coalition_methods import EvolutionSearch
@@ -49,6 +48,7 @@ from roletrust_env.metrics.confidence import Interval, over_games
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.study import Recipe, Study
+from studies.trained import learned_methods
 
 
 class Options(NamedTuple):

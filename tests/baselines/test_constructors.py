@@ -16,8 +16,6 @@ from refusals import refuses
 import roletrust_agents
 import roletrust_baselines
 import roletrust_env.world
-from roletrust_agents.honest import Honest
-from roletrust_agents.learned.methods import Learned
 from roletrust_agents.planning.optimum import BestKnown, Exact
 from roletrust_agents.planning.planner import Planner
 from roletrust_baselines.search import CmaEs, PaperAttacks, RandomSearch
@@ -28,12 +26,11 @@ from roletrust_env.parameters import UnknownParameterError
 from roletrust_env.trust.model import registry as model_registry
 from roletrust_env.world.group import FrozenModel
 
-SEARCH_METHODS = (PaperAttacks, RandomSearch, CmaEs, Planner, Exact, BestKnown, Learned)
+SEARCH_METHODS = (PaperAttacks, RandomSearch, CmaEs, Planner, Exact, BestKnown)
 FACTORIES = {
     **{name: attacker_registry.factory(name) for name in attackers() if name != "learned"},
     **{name: model_registry.factory(name) for name in trust_models() if name != "doubt"},
     **{method.__name__: method for method in SEARCH_METHODS},
-    "Honest": Honest,
 }
 SCENARIO_PARTS = [
     part

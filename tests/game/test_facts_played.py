@@ -7,7 +7,6 @@ from math import pi, sin, sqrt
 import numpy as np
 import pytest
 
-from roletrust_agents import Honest
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import (
     Game,
@@ -100,7 +99,7 @@ def test_a_liar_that_attacks_one_provider_of_three(play) -> None:
     ("quality", "shown"), [(0.9, 0.885), (0.8, 0.748), (0.7, 0.601), (0.5, 0.318)]
 )
 def test_constant_quality_among_the_honest(play, quality: float, shown: float) -> None:
-    tor, top = play(paper(), {f"sp_{j}": Honest(best=quality) for j in range(3)})
+    tor, top = play(paper(), {f"sp_{j}": OnOff(duty=1.0, bad=quality) for j in range(3)})
     assert tor[-1] == close(1)
     assert top[-1] == close(sinc(1 - quality) * quality)
     assert top[-1] == printed(shown)
@@ -140,7 +139,7 @@ def test_one_liar_is_diluted(raters: int, shown: float) -> None:
 @pytest.mark.parametrize("spread", [0.01, 0.05, 0.1])
 def test_noisy_perception_costs_honest_raters_much_trust(spread: float) -> None:
     scenario = paper(raters=100, providers=30, noise=spread, max_cycles=40)
-    tor, _ = in_game(scenario, {f"sp_{j}": Honest(best=0.5) for j in range(30)})
+    tor, _ = in_game(scenario, {f"sp_{j}": OnOff(duty=1.0, bad=0.5) for j in range(30)})
     assert tor[-1].mean() == pytest.approx(1 - 0.822 * sqrt(spread), abs=0.01)
     if spread == 0.05:
         assert tor[-1].mean() == pytest.approx(0.816, abs=0.01)

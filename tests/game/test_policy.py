@@ -8,7 +8,6 @@ import pytest
 import torch
 from refusals import refuses
 
-from roletrust_agents import Honest
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import (
     Game,
@@ -21,6 +20,15 @@ from roletrust_env import (
     parallel_env,
 )
 from roletrust_env.game.rollout import record, rollout
+from roletrust_env.game.views import ProviderView, RaterView
+
+
+class Limited(Policy):
+    """An honest provider that reaches a quality of 0.6."""
+
+    def quality(self, view, memory, random):
+        return 0 * view.trust + 0.6, memory
+
 
 SCENARIO = Scenario(
     agents=[{"role": "SR", "count": 4}, {"role": "SP", "count": 3}, {"role": "SR+SP", "count": 3}],
@@ -37,9 +45,9 @@ POLICIES: dict[str, Policy] = {
     "sr_0": BadMouthing(lie="relative", level=0.7, targets=(1, 4)),
     "sp_1": OnOff(period=3, duty=1 / 3, bad=0.1),
     "srsp_0": OnOff(period=3, duty=1 / 3, bad=0.1),
-    "sp_0": Honest(best=0.6),
-    "sp_2": Honest(best=0.6),
-    "srsp_1": Honest(best=0.6),
+    "sp_0": Limited(),
+    "sp_2": Limited(),
+    "srsp_1": Limited(),
 }
 
 
@@ -162,7 +170,7 @@ def test_a_player_with_a_seed_plays_the_same_again() -> None:
 @pytest.mark.parametrize(
     ("name", "policy", "words"),
     [
-        ("sr_4", Honest(), ("sr_4", "sr_0", "srsp_2")),
+        ("sr_4", Policy(), ("sr_4", "sr_0", "srsp_2")),
         ("sp_0", BadMouthing(), ("sp_0", "bad-mouthing")),
         ("sr_0", OnOff(), ("sr_0", "on-off")),
     ],
@@ -174,10 +182,23 @@ def test_a_seat_that_does_not_fit_is_refused(
         JointPolicy(Game(SCENARIO), {name: policy})
 
 
+@pytest.mark.parametrize("batch", [(), (4,), (2, 3)])
+def test_a_plain_policy_serves_its_best_and_reports_what_it_perceived(batch) -> None:
+    service, one = np.random.default_rng(0).random((5, *batch)), np.zeros(batch)
+    heard = np.zeros((3, *batch))
+    provider = ProviderView(one, one + 0.2, one, one, heard, heard.astype(bool))
+    rater = RaterView(one, one, service, service, service > 0.3, service, service > 0)
+    quality, memory = Policy().quality(provider, None, None)
+    np.testing.assert_array_equal(quality, np.ones(batch))
+    ratings, _ = Policy().ratings(rater, memory, None)
+    np.testing.assert_array_equal(ratings, service)
+    assert not Policy().attacks
+
+
 def test_many_names_are_not_all_listed() -> None:
     game = Game(Scenario(agents=[{"role": "SR", "count": 500}, {"role": "SP"}]))
     with refuses(ValueError, "robin", "sr_0", "sp_0") as error:
-        JointPolicy(game, {"robin": Honest()})
+        JointPolicy(game, {"robin": Policy()})
     assert len(str(error.value)) < 200
 
 

@@ -6,13 +6,13 @@ import pytest
 from csv_files import csv_rows
 from refusals import refuses
 
-from roletrust_agents.learned.methods import Learned
 from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
 from roletrust_agents.training.runs import write_bytes
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.trust import Traits, make_trust_model
 from studies.study import run
+from studies.trained import Learned
 
 pytestmark = pytest.mark.slow
 
