@@ -74,7 +74,7 @@ class CheckedEntry:
 
 
 def check_entry(
-    entry: Entry | Path,
+    entry: Entry | str | Path,
     suite: str | Path | Suite = "standard",
     *,
     cells: int | None = None,
@@ -112,9 +112,10 @@ def check_entry(
         >>> [check.subject for check in checked.checks][:2]
         ['suite', 'source']
     """
-    if cells is not None:
-        whole_number("cells", cells)
-    entry = read_entry(entry) if isinstance(entry, Path) else entry
+    for name, number, least in (("cells", cells, 0), ("seed", seed, 0), ("workers", workers, 1)):
+        if number is not None:
+            whole_number(name, number, least)
+    entry = entry if isinstance(entry, Entry) else read_entry(Path(entry))
     loaded = suite if isinstance(suite, Suite) else load_suite(suite)
     if not isinstance(loaded, Suite):
         raise ValueError(f"suite {loaded.name} is for {loaded.kind}; give one of trust models")
@@ -126,7 +127,7 @@ def check_entry(
     asked = with_models(with_search(loaded) if searched else loaded, [entry.model])
     asked = asked.model_copy(update={"search": entry.search})
     checks = check_numbers(entry, asked)
-    seed = secrets.randbelow(2**31) if seed is None else whole_number("seed", seed)
+    seed = secrets.randbelow(2**31) if seed is None else seed
     drawn = [cell for cell, _ in entry.stored()]
     if cells is not None:
         drawn = random.Random(seed).sample(drawn, min(cells, len(drawn)))

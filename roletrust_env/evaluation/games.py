@@ -174,7 +174,7 @@ def play(
     scenario: str | Path | Scenario = "paper-3x3",
     *,
     model: str | Sequence[str] = "role-trust",
-    attacks: Sequence[str] | Mapping[str, Policy] = (),
+    attacks: str | Sequence[str] | Mapping[str, Policy] = (),
     games: int = 1,
     seed: int = 0,
     advance: Advance = lambda what, share: None,
@@ -185,8 +185,8 @@ def play(
     Args:
         scenario: Name of a scenario, path of a TOML or YAML file, or a `Scenario`.
         model: Trust model `NAME[:key=value,...]`, or several.
-        attacks: Attacks `AGENT=NAME[:key=value,...]`, where AGENT may be like `sr_*`; or policies
-            by agent.
+        attacks: An attack `AGENT=NAME[:key=value,...]`, where AGENT may be like `sr_*`, or several;
+            or policies by agent.
         games: Number of games, at least 1, which are played as one batch.
         seed: Random seed, at least 0; all models meet the same random numbers.
         advance: Called with the progress.
@@ -209,9 +209,10 @@ def play(
     models = [model] if isinstance(model, str) else list(model)
     if not models or len(set(models)) < len(models):
         raise ValueError(f"model is {models}; it must name one trust model, or several, each once")
-    attackers = (
-        dict(attacks) if isinstance(attacks, Mapping) else parse_attacks(list(attacks), rules)
-    )
+    if isinstance(attacks, Mapping):
+        attackers = dict(attacks)
+    else:
+        attackers = parse_attacks([attacks] if isinstance(attacks, str) else list(attacks), rules)
     joint_policies = {
         text: JointPolicy(Game(rules, parse_trust_model(text, rules, changes)), attackers)
         for text in models

@@ -27,6 +27,7 @@ from roletrust_env.benchmarking.suite_files import setting_worlds
 from roletrust_env.envs.attack_env import TASKS, find_task
 from roletrust_env.errors import suggest, validation_message
 from roletrust_env.evaluation.specs import parse_parameters, read_trust_model
+from roletrust_env.parameters import whole_number
 from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.markdown import markdown_table, plain
 from roletrust_env.storage.provenance import provenance
@@ -183,11 +184,11 @@ def train(
             f"model names {len(models)} trust models; it must be one, or several for "
             f"{', '.join(_OF_COALITIONS)}"
         )
-    tuned = make_settings(task, algo, {**settings, **({"steps": steps} if steps else {})})
+    tuned = make_settings(task, algo, {**settings, **({} if steps is None else {"steps": steps})})
     run = Run(
         algo=algo,
         steps=tuned.steps,
-        seed=seed,
+        seed=whole_number("seed", seed),
         settings=tuned.model_dump(mode="json"),
         task=card,
         trust_model=models[0],

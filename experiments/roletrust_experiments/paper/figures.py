@@ -3,12 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Game, JointPolicy, Policy, State, make_scenario
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.evaluation.games import Advance, track_curves
 from roletrust_env.storage.markdown import markdown_table
@@ -191,6 +192,10 @@ def figures(
         >>> all(claim.ok for claim in found.claims)
         True
     """
+    if scenario not in get_args(PaperScenario):
+        raise ValueError(
+            f"unknown scenario {scenario!r}{suggest(scenario, get_args(PaperScenario))}"
+        )
     rules = make_scenario(scenario)
     game = Game(rules.change(**changes) if changes else rules)
     both, probabilities = papers(game.scenario.period_s), list[float]()

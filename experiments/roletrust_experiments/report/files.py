@@ -12,7 +12,9 @@ from roletrust_experiments.report.figures import write_figures
 from roletrust_experiments.report.page import page
 
 
-def report(results: Path | Sequence[Path], out: Path, *, pages: str = "") -> list[str]:
+def report(
+    results: str | Path | Sequence[str | Path], out: str | Path, *, pages: str = ""
+) -> list[str]:
     """Write the results of a benchmark as one page that opens in any browser, without a network.
 
     Args:
@@ -42,7 +44,8 @@ def report(results: Path | Sequence[Path], out: Path, *, pages: str = "") -> lis
         >>> report(out / "results.sqlite", out / "report")[:3]
         ['report.html', 'leaderboard.md', 'regimes.csv']
     """
-    paths = [results] if isinstance(results, Path) else list(results)
+    given = [results] if isinstance(results, str | Path) else results
+    paths, out = [Path(one) for one in given], Path(out)
     for path in paths:
         check_unicode("the path of the results", str(path))  # which the page shows
     content = read(paths)

@@ -6,7 +6,7 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 from command_line import printed
-from refusals import assert_names
+from refusals import assert_names, refuses
 from typer.testing import CliRunner
 
 from roletrust_env import make_scenario
@@ -106,6 +106,11 @@ def test_the_function_measures_what_its_command_writes(synthetic):
     found = figures("paper-3x3")
     assert found.data() | {"files": ANY} == json.loads((synthetic[0] / "results.json").read_text())
     assert found._repr_markdown_().count("| ok |") == 11
+
+
+def test_another_scenario_has_no_such_figures():
+    with refuses(ValueError, "market", "paper-3x3"):
+        figures("market")
 
 
 def test_windows_of_the_claims():

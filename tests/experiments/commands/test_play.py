@@ -145,8 +145,8 @@ def test_the_function_plays_what_its_command_writes(tmp_path):
 def test_policies_are_attacks_too():
     liar = BadMouthing(start=3)
     results = play_games(attacks={"sr_0": liar}, max_cycles=12)
-    named = play_games(attacks=["sr_0=bad-mouthing:start=3"], max_cycles=12)
-    assert results.data() == named.data()
+    for text in ("sr_0=bad-mouthing:start=3", ["sr_0=bad-mouthing:start=3"]):
+        assert results.data() == play_games(attacks=text, max_cycles=12).data()
 
 
 @pytest.mark.parametrize(

@@ -194,6 +194,9 @@ def test_what_is_asked_wrongly(tmp_path):
     }
     for words, arguments in cases.items():
         assert_names(printed("train", *arguments, "--out", tmp_path, code=2), *words)
+    for arguments, words in (({"steps": 0}, ("steps", 0)), ({"seed": -1}, ("seed", -1))):
+        with refuses(ValueError, *words):
+            roletrust_agents.train("ProviderAttack", out=tmp_path / "new", **arguments)
     (tmp_path / "config.json").write_text("{")
     line = run("train", "ProviderAttack", *PPO, "--out", tmp_path).output
     assert_names(line, "config.json")
