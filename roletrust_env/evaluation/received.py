@@ -4,13 +4,13 @@ See `roletrust_env.game.consumer.receive`: choices have consequences, and the ya
 nothing that a trust model or an attacker does.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.game.consumer import receive
+from roletrust_env.game.consumer import Bought, receive
 from roletrust_env.game.rollout import Players, Round, rollout
 from roletrust_env.metrics.score import ratio
 from roletrust_env.shapes import Shape
@@ -19,8 +19,41 @@ from roletrust_env.world.scenario import Choice
 Floats = npt.NDArray[np.float64]
 
 
+class Served(NamedTuple):
+    """The services of a round to the honest consumers of K attacks in G games.
+
+    Attributes:
+        got: Mean quality that each game's consumers got, shape (K, G).
+        best: The same, had they chosen the best honest provider.
+        blind: The same, had they chosen blindly.
+        services: Number of services over the games, shape (K,).
+        from_attacker: Number of these that compromised providers gave; None without such providers.
+        earned: Sum of 1 - quality over these; None without such providers.
+        squares: Sum of (trust at the choice - quality)^2 over all services, shape (K,).
+        silent: `got`, `best` and `blind` of consumers that send no reports; None without any.
+    """
+
+    got: Floats
+    best: Floats
+    blind: Floats
+    services: Floats
+    from_attacker: Floats | None
+    earned: Floats | None
+    squares: Floats
+    silent: Bought | None
+
+
+def _gain(part: Bought | Served | None) -> Floats | None:
+    return None if part is None else np.asarray((part.got - part.blind).sum(axis=-1))
+
+
+def _possible(part: Bought | Served | None) -> Floats | None:
+    return None if part is None else np.asarray((part.best - part.blind).sum(axis=-1))
+
+
 class Score(NamedTuple):
-    """A score of a world. Results, leaderboards and pages read it from `SCORES`.
+    """A score of a world: a ratio of two sums over rounds. Results, leaderboards and pages read it
+    from `SCORES`.
 
     Attributes:
         name: Name in results and tables.
@@ -28,6 +61,8 @@ class Score(NamedTuple):
         high: Greatest value.
         better: Better direction for consumers.
         formula: Definition in plain text.
+        part: Numerator of a round, shape (K,); None where the score is undefined.
+        whole: Denominator of a round.
     """
 
     name: str
@@ -35,6 +70,8 @@ class Score(NamedTuple):
     high: float
     better: Literal["higher", "lower"]
     formula: str
+    part: Callable[[Served], Floats | None]
+    whole: Callable[[Served], Floats | float | None]
 
 
 SCORES = {
@@ -44,23 +81,37 @@ SCORES = {
             *("skill", -1000.0, 1000.0, "higher"),
             "sum of (received - blind) / sum of (best - blind), over honest consumers, rounds and "
             "games; 1 is always the best honest provider, 0 is chance",
+            *(_gain, _possible),
         ),
-        Score(*("regret", -1.0, 1.0, "lower"), "mean of best - received over rounds and games"),
+        Score(
+            *("regret", -1.0, 1.0, "lower"),
+            "mean of best - received over rounds and games",
+            lambda served: (served.best - served.got).mean(axis=-1),
+            lambda served: 1.0,
+        ),
         Score(
             *("attacker_share", 0.0, 1.0, "lower"),
             "services from compromised providers / all services",
+            lambda served: served.from_attacker,
+            lambda served: served.services,
         ),
         Score(
             *("attacker_earnings", 0.0, 1.0, "lower"),
             "sum of 1 - quality over services from compromised providers / all services",
+            lambda served: served.earned,
+            lambda served: served.services,
         ),
         Score(
             *("brier", 0.0, 1.0, "lower"),
             "mean of (trust at the choice - quality received)^2 over services",
+            lambda served: served.squares,
+            lambda served: served.services,
         ),
         Score(
             *("silent_skill", -1000.0, 1000.0, "higher"),
             "skill of the consumers that send no reports",
+            lambda served: _gain(served.silent),
+            lambda served: _possible(served.silent),
         ),
     )
 }
@@ -119,36 +170,30 @@ def measure_world(
     honest = [j for j, name in enumerate(providers) if name not in identities]
     bad = [j for j, name in enumerate(providers) if name in identities]
     quiet = [i for i, name in enumerate(raters) if name in silent]
-    gained, possible = np.zeros((2, batch[0])), np.zeros((2, batch[0]))
-    services, from_bad, earned, squares = np.zeros((4, batch[0]))
+    common = honest, access.providers
+    sums = {name: np.zeros((2, batch[0])) for name in SCORES}
     by_round = []
     for before, actions, state, _, weight in world_rounds(players, seed, batch):
         offered = game.offered(before, actions, state)
         able = before.properties.ability
         ability = np.ones(state.quality.shape) if able is None else able
-        for k, group in enumerate((consumers, quiet)):
-            if group:
-                part = receive(state.awaiting, offered, ability, group, honest, access.providers)
-                gained[k] += weight * (part.got - part.blind).sum(axis=-1)
-                possible[k] += weight * (part.best - part.blind).sum(axis=-1)
-                if k == 0:
-                    by_round.append((part.best - part.got).mean(axis=-1))
-        mine = state.awaiting[consumers]
+
+        mine, sides = state.awaiting[consumers], (0, 1, 3)
         each = offered[consumers] if offered.ndim == mine.ndim else offered[None]
-        quality, sums = np.where(mine, each, 0.0), (0, 1, 3)
-        services += weight * mine.sum(axis=sums)
-        from_bad += weight * mine[:, bad].sum(axis=sums)
-        earned += weight * (mine * (1 - quality))[:, bad].sum(axis=sums)
+        quality = np.where(mine, each, 0.0)
         trust = np.where(mine, game.known_trust(state)[consumers], 0.0)
-        squares += weight * ((trust - quality) ** 2).sum(axis=sums)
-    regret, weights = np.stack(by_round), game.scenario.round_weights
-    nothing = np.full(batch[0], np.nan)
-    scores = {
-        "skill": ratio(gained[0], possible[0]),
-        "regret": weights @ regret / weights.sum(),
-        "attacker_share": ratio(from_bad, services) if bad else nothing,
-        "attacker_earnings": ratio(earned, services) if bad else nothing,
-        "brier": ratio(squares, services),
-        "silent_skill": ratio(gained[1], possible[1]) if quiet else nothing,
-    }
-    return WorldScores(scores, regret)
+        served = Served(
+            *receive(state.awaiting, offered, ability, consumers, *common),
+            services=mine.sum(axis=sides),
+            from_attacker=mine[:, bad].sum(axis=sides) if bad else None,
+            earned=(mine * (1 - quality))[:, bad].sum(axis=sides) if bad else None,
+            squares=((trust - quality) ** 2).sum(axis=sides),
+            silent=receive(state.awaiting, offered, ability, quiet, *common) if quiet else None,
+        )
+        by_round.append((served.best - served.got).mean(axis=-1))
+        for name, score in SCORES.items():
+            for total, value in zip(
+                sums[name], (score.part(served), score.whole(served)), strict=True
+            ):
+                total += np.nan if value is None else weight * value
+    return WorldScores({name: ratio(*total) for name, total in sums.items()}, np.stack(by_round))
