@@ -305,7 +305,7 @@ def certain(rounds: int) -> Scenario:
 
 
 def test_the_exact_provider_scores_the_same_in_the_task() -> None:
-    best = optimal_provider(certain(50), levels=24, points=24)
+    best = optimal_provider(certain(50), cells=24)
     task = make(certain(50), {"compromised": ("sp_2",), "objective": "exploit"})
     rewards = [outcome.reward for *_, outcome in play(task, actions=best.actions[:, None])]
     assert np.mean(rewards) == pytest.approx(best.score, abs=1e-12)
@@ -318,7 +318,7 @@ def test_the_exact_rater_scores_the_same_in_the_task(
     liars: int, weight: float, tolerance: float
 ) -> None:
     best = optimal_rater(
-        certain(50), compromised=liars, weight=weight, tolerance=tolerance, levels=24, points=24
+        certain(50), compromised=liars, weight=weight, tolerance=tolerance, cells=24
     )
     case = {"compromised": ("sr_2", "sr_0")[:liars], "stealth": Stealth(weight, tolerance)}
     lies = np.repeat(best.actions[:, None], 3 * liars, axis=1)

@@ -99,8 +99,7 @@ def bracket_rater(
         compromised=compromised,
         weight=weight,
         tolerance=tolerance,
-        levels=cells,
-        points=cells,
+        cells=cells,
     )
     single = np.sqrt(1 - best_lies.actions[1:])
     starts = [(providers // 2, np.stack([single, single], axis=1)), _best_bits(task, providers)]

@@ -8,35 +8,14 @@ dynamic programming because raters that agree have full trust, except for a know
 initial trust. The scores are means per round over a whole game of `max_cycles` rounds.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roletrust_agents.planning.grid import GridSolution, solve
+from roletrust_agents.planning.grid import Optimum, solve
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import whole_number
 from roletrust_env.world.scenario import Everyone, Scenario
-
-
-@dataclass(frozen=True, eq=False)
-class Optimum:
-    """Best attack, up to the error of a grid.
-
-    Attributes:
-        score: Mean score per round of `actions` in the game, a lower bound of the optimum.
-        error: Estimate of the distance to the optimum, from refining the grid; see
-            `GridSolution.error`.
-        values: Optimum according to the backward pass on grids with 1/4, 1/2 and all of the cells.
-            It can be above or below the true optimum.
-        actions: Quality or lie in each round, shape (T,).
-        seconds: Time of the computation, seconds.
-    """
-
-    score: float
-    error: float
-    values: tuple[float, ...]
-    actions: Array
-    seconds: float
 
 
 @dataclass(frozen=True)
@@ -166,13 +145,12 @@ def rating_weight(action: Array, last: Array) -> Array:
     return np.sinc(action**2) * np.sinc(action**2 - last**2) * (1 - action**2)
 
 
-def optimal_provider(scenario: Scenario, *, levels: int = 200, points: int = 200) -> Optimum:
+def optimal_provider(scenario: Scenario, *, cells: int = 200) -> Optimum:
     """Return the optimum of one provider under `exploit` among honest raters; see `Exploit`.
 
     Args:
         scenario: Deterministic scenario, see `check_certain`.
-        levels: Number of grid cells of the quality, a multiple of 4.
-        points: Number of grid cells of ToP, a multiple of 4.
+        cells: Number of grid cells of the quality, and of ToP, a multiple of 4.
 
     Returns:
         The optimum, with the qualities as `actions`.
@@ -182,8 +160,7 @@ def optimal_provider(scenario: Scenario, *, levels: int = 200, points: int = 200
     """
     check_certain(scenario)
     task = Exploit(scenario.lam, scenario.initial_trust, scenario.max_cycles)
-    solution = solve(task, levels=levels, points=points)
-    return _optimum(solution, scenario, solution.actions)
+    return solve(task, cells)
 
 
 def optimal_rater(
@@ -192,8 +169,7 @@ def optimal_rater(
     compromised: int = 1,
     weight: float = 2.0,
     tolerance: float = 0.1,
-    levels: int = 200,
-    points: int = 200,
+    cells: int = 200,
 ) -> Optimum:
     """Return the optimum of some raters under `damage` with stealth, with one lie about all
     providers; see `Damage`.
@@ -206,8 +182,7 @@ def optimal_rater(
         weight: Weight of the trust gap beyond the tolerance. With 0, the best lie is 0 in every
             round.
         tolerance: Trust gap without penalty.
-        levels: Number of grid cells of sqrt(1 - lie), a multiple of 4.
-        points: Number of grid cells of its exponential mean, a multiple of 4.
+        cells: Number of grid cells of sqrt(1 - lie), and of its exponential mean, a multiple of 4.
 
     Returns:
         The optimum, with the lies as `actions`. The one of round 0, which has no ratings, is 1.
@@ -216,8 +191,8 @@ def optimal_rater(
         ValueError: The scenario is not supported, or an argument is outside its range.
     """
     task = damage_task(scenario, compromised=compromised, weight=weight, tolerance=tolerance)
-    solution = solve(task, levels=levels, points=points)
-    return _optimum(solution, scenario, np.append(1.0, 1 - solution.actions**2))
+    best = solve(task, cells)
+    return replace(best, actions=np.append(1.0, 1 - best.actions**2))
 
 
 def damage_task(scenario: Scenario, *, compromised: int, weight: float, tolerance: float) -> Damage:
@@ -269,12 +244,3 @@ def check_certain(scenario: Scenario) -> None:
         raise ValueError(
             f"scenario {scenario.name!r} has no exact optimum here: {', '.join(reasons)}"
         )
-
-
-def _optimum(solution: GridSolution, scenario: Scenario, actions: Array) -> Optimum:
-    """Return the optimum of a solution, with means per round instead of sums."""
-    rounds = scenario.max_cycles
-    values = tuple(value / rounds for value in solution.values)
-    return Optimum(
-        solution.total / rounds, solution.error / rounds, values, actions, solution.seconds
-    )

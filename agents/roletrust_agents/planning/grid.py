@@ -16,7 +16,6 @@ optimum.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from time import perf_counter
 from typing import Protocol
 
 import numpy as np
@@ -34,6 +33,10 @@ class GridTask(Protocol):
     """Deterministic control task. States and actions lie in [0, 1]. The first action is its own
     last action.
     """
+
+    @property
+    def rounds(self) -> int:
+        """Number of rounds over which the rewards are averaged."""
 
     @property
     def decisions(self) -> int:
@@ -55,58 +58,52 @@ class GridTask(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class GridSolution:
-    """Best sequence of actions, with an estimate of its error.
+class Optimum:
+    """Best actions in a game, up to the error of a grid.
 
     Attributes:
-        total: Sum of rewards of `actions` under the exact dynamics, a lower bound of the optimum.
+        score: Mean reward per round of `actions` under the exact dynamics, a lower bound of the
+            optimum.
+        error: Estimate of the distance between the score and the optimum; it is not a proven bound.
+            It is the larger of two differences: between the values on the last two grids, and
+            between the value on the last grid and the score. By Richardson's extrapolation, the
+            first one is the error of the last grid if errors are proportional to the cell size, and
+            larger than the error if they fall faster.
+        values: Optimum per round according to the backward pass, V[0] at the start, on grids with
+            1/4, 1/2 and all of the cells. It can be above or below the true optimum.
         actions: Actions, one for each decision, shape (D,).
-        values: Optimum according to the backward pass, V[0] at the start, on grids with 1/4, 1/2
-            and all of the cells.
-        seconds: Wall-clock time of the computation, seconds.
     """
 
-    total: float
-    actions: Array
+    score: float
+    error: float
     values: tuple[float, ...]
-    seconds: float
-
-    @property
-    def error(self) -> float:
-        """Estimate of the distance between `total` and the optimum; it is not a proven bound.
-
-        It is the larger of two differences: between the values on the last two grids, and between
-        the value on the last grid and `total`. By Richardson's extrapolation, the first one is the
-        error of the last grid if errors are proportional to the cell size, and larger than the
-        error if they fall faster.
-        """
-        return max(abs(self.values[-1] - self.values[-2]), abs(self.values[-1] - self.total))
+    actions: Array
 
 
-def solve(task: GridTask, *, levels: int, points: int) -> GridSolution:
+def solve(task: GridTask, cells: int) -> Optimum:
     """Solve a task on a grid and on two coarser ones.
 
     Args:
         task: Task to solve.
-        levels: Number of grid cells of the actions, a multiple of 4.
-        points: Number of grid cells of the state, a multiple of 4.
+        cells: Number of grid cells of the actions, and of the state, a multiple of 4.
 
     Raises:
-        ValueError: `levels` or `points` is not a positive multiple of 4.
+        ValueError: `cells` is not a positive multiple of 4.
     """
-    for name, cells in (("levels", levels), ("points", points)):
-        if whole_number(name, cells, 4) % 4:
-            raise ValueError(
-                f"{name} is {cells!r}; it must be a positive multiple of 4, because the grid is "
-                "halved twice"
-            )
-    start = perf_counter()
+    if whole_number("cells", cells, 4) % 4:
+        raise ValueError(
+            f"cells is {cells!r}; it must be a positive multiple of 4, because the grid is halved "
+            "twice"
+        )
     values = []
     for coarser in (4, 2, 1):
-        table = backward(task, levels // coarser, points // coarser)
+        table = backward(task, cells // coarser, cells // coarser)
         values.append(start_value(task, table))
     actions = polish(partial(total, task), forward(task, table))
-    return GridSolution(float(total(task, actions)), actions, tuple(values), perf_counter() - start)
+    score = float(total(task, actions))
+    error = max(abs(values[-1] - values[-2]), abs(values[-1] - score))
+    per_round = tuple(value / task.rounds for value in values)
+    return Optimum(score / task.rounds, error / task.rounds, per_round, actions)
 
 
 def backward(task: GridTask, levels: int, points: int) -> Array:

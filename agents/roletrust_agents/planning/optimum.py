@@ -9,7 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from roletrust_agents.planning.bracket import Bracket, bracket_rater
-from roletrust_agents.planning.exact import Optimum, optimal_provider
+from roletrust_agents.planning.exact import optimal_provider
+from roletrust_agents.planning.grid import Optimum
 from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError

@@ -70,55 +70,37 @@ class Sight(NamedTuple):
         return grid.permute(0, 2, 3, 1)
 
 
+class TwoInputs(nn.Linear):
+    """A linear layer of two inputs; only the first one has a bias."""
+
+    def __init__(self, first: int, second: int, outputs: int) -> None:
+        super().__init__(first, outputs)
+        self.second = nn.Linear(second, outputs, bias=False)
+
+    def forward(self, first: torch.Tensor, second: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+        """Return the outputs."""
+        outputs: torch.Tensor = super().forward(first) + self.second(second)
+        return outputs
+
+
 class ProviderLayers(nn.Module):
-    """The first two layers of a `DeepSet` in torch: features of providers, (B, F, P), to units, (B,
-    P, units).
-    """
+    """The first two layers of a `DeepSet` in torch."""
 
     def __init__(self, units: int) -> None:
         super().__init__()
         self.layer0 = nn.Linear(len(FEATURES), units)
-        self.layer1 = nn.Linear(units, units)
-        self.mean = nn.Linear(units, units, bias=False)
-        for layer in (self.layer0, self.layer1, self.mean):
+        self.layer1 = TwoInputs(units, units, units)
+        for layer in (self.layer0, self.layer1):
             _initialise(layer, 1.0)
 
-    def forward(self, features: torch.Tensor) -> torch.Tensor:
-        """Return the units of the second layer for each provider."""
-        first = torch.tanh(self.layer0(features.transpose(1, 2)))
-        second: torch.Tensor = torch.tanh(
-            self.layer1(first) + self.mean(first.mean(dim=1, keepdim=True))
-        )
+    def units(self, seen: torch.Tensor) -> torch.Tensor:
+        """Return the units of the second layer, (B, P, units), for features, (B, P, F)."""
+        first = torch.tanh(self.layer0(seen))
+        second: torch.Tensor = torch.tanh(self.layer1(first, first.mean(dim=1, keepdim=True)))
         return second
 
 
-class Treatment(nn.Module):
-    """The treatment of a `DeepSet` in torch: features of accounts, (B, S, n, A), and of own
-    providers, (B, n, F).
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.layer0 = nn.Linear(len(ACCOUNT_FEATURES), ACCOUNT_UNITS)
-        self.provider = nn.Linear(len(FEATURES), ACCOUNT_UNITS, bias=False)
-        self.layer1, self.skip = (
-            nn.Linear(ACCOUNT_UNITS, 1),
-            nn.Linear(len(ACCOUNT_FEATURES), 1, bias=False),
-        )
-        for layer in (self.layer0, self.provider):
-            _initialise(layer, 1.0)
-        for layer in (self.layer1, self.skip):
-            _initialise(layer, _NEAR_ZERO / GAIN)
-        nn.init.constant_(self.layer1.bias, ALIKE)
-
-    def forward(self, accounts: torch.Tensor, own: torch.Tensor) -> torch.Tensor:
-        """Return the treatment before its last function, (B, S n)."""
-        hidden = torch.tanh(self.layer0(accounts) + self.provider(own)[:, None])
-        treatment: torch.Tensor = (self.layer1(hidden) + self.skip(accounts)).flatten(1)
-        return treatment
-
-
-class Actor(nn.Module):
+class Actor(ProviderLayers):
     """A `DeepSet` in torch: observations, (B, K), to actions in [-1, 1], (B, A).
 
     Args:
@@ -127,38 +109,36 @@ class Actor(nn.Module):
     """
 
     def __init__(self, units: int, sight: Sight) -> None:
-        super().__init__()
-        self.sight, self.body = sight, ProviderLayers(units)
-        self.layer2, self.skip = nn.Linear(units, 3), nn.Linear(len(FEATURES), 3, bias=False)
-        for layer in (self.layer2, self.skip):
-            _initialise(layer, _NEAR_ZERO / GAIN)
+        super().__init__(units)
+        self.sight, scale = sight, _NEAR_ZERO / GAIN
+        self.layer2 = TwoInputs(units, len(FEATURES), 3)
+        _initialise(self.layer2, scale)
         if sight.wide:
-            self.silence, self.silence_skip = (
-                nn.Linear(units, 1),
-                nn.Linear(len(FEATURES), 1, bias=False),
-            )
-            for layer in (self.silence, self.silence_skip):
-                _initialise(layer, _NEAR_ZERO / GAIN)
+            self.silence = TwoInputs(units, len(FEATURES), 1)
+            _initialise(self.silence, scale)
             nn.init.constant_(self.silence.bias, TALKATIVE)
-            self.treatment = Treatment()
+            self.treatment0 = TwoInputs(len(ACCOUNT_FEATURES), len(FEATURES), ACCOUNT_UNITS)
+            self.treatment1 = TwoInputs(ACCOUNT_UNITS, len(ACCOUNT_FEATURES), 1)
+            _initialise(self.treatment0, 1.0)
+            _initialise(self.treatment1, scale)
+            nn.init.constant_(self.treatment1.bias, ALIKE)
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         """Return the mean of the actions."""
-        features = self.sight.features(observations)
-        units, seen = self.body(features), features.transpose(1, 2)
-        lie, quality, gate = torch.tanh(GAIN * (self.layer2(units) + self.skip(seen))).unbind(-1)
+        seen = self.sight.features(observations).transpose(1, 2)
+        units = self.units(seen)
+        lie, quality, gate = torch.tanh(GAIN * self.layer2(units, seen)).unbind(-1)
         parts = [lie * (0.5 + 0.5 * gate), quality]
         if self.sight.wide:
-            parts.append(torch.tanh(GAIN * (self.silence(units) + self.silence_skip(seen)))[..., 0])
+            parts.append(torch.tanh(GAIN * self.silence(units, seen))[..., 0])
         if self.sight.treats:
-            treatment = self.treatment(
-                self.sight.accounts(observations), seen[:, list(self.sight.own)]
-            )
-            parts.append(torch.tanh(GAIN * treatment))
+            accounts, own = self.sight.accounts(observations), seen[:, list(self.sight.own)]
+            hidden = torch.tanh(self.treatment0(accounts, own[:, None]))
+            parts.append(torch.tanh(GAIN * self.treatment1(hidden, accounts).flatten(1)))
         return torch.cat([parts[kind] for kind, _ in self.sight.sizes], dim=1)
 
 
-class Critic(nn.Module):
+class Critic(ProviderLayers):
     """A deep set with a mean over the providers at its end: observations, (B, K), to values, (B,
     1).
 
@@ -168,13 +148,14 @@ class Critic(nn.Module):
     """
 
     def __init__(self, units: int, sight: Sight) -> None:
-        super().__init__()
-        self.sight, self.body, self.value = sight, ProviderLayers(units), nn.Linear(units, 1)
+        super().__init__(units)
+        self.sight, self.value = sight, nn.Linear(units, 1)
         _initialise(self.value, _NEAR_ZERO)
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         """Return the values."""
-        value: torch.Tensor = self.value(self.body(self.sight.features(observations)).mean(dim=1))
+        seen = self.sight.features(observations).transpose(1, 2)
+        value: torch.Tensor = self.value(self.units(seen).mean(dim=1))
         return value
 
 
@@ -303,27 +284,10 @@ def begin_with(policy: CoalitionPolicy, network: DeepSet) -> None:
 
 def _tensors(policy: CoalitionPolicy) -> Iterator[tuple[str, torch.Tensor]]:
     """Yield the weights of the actor with the names of `DeepSetArchitecture.shapes`."""
-    actor: Any = policy.action_net
-    body = actor.body
-    yield "layer0.weight", body.layer0.weight
-    yield "layer0.bias", body.layer0.bias
-    yield "layer1.weight", body.layer1.weight
-    yield "layer1.mean", body.mean.weight
-    yield "layer1.bias", body.layer1.bias
-    yield "layer2.weight", actor.layer2.weight
-    yield "layer2.skip", actor.skip.weight
-    yield "layer2.bias", actor.layer2.bias
-    if actor.sight.wide:
-        yield "silence.weight", actor.silence.weight
-        yield "silence.skip", actor.silence_skip.weight
-        yield "silence.bias", actor.silence.bias
-        treatment = actor.treatment
-        yield "treatment0.weight", treatment.layer0.weight
-        yield "treatment0.provider", treatment.provider.weight
-        yield "treatment0.bias", treatment.layer0.bias
-        yield "treatment1.weight", treatment.layer1.weight
-        yield "treatment1.skip", treatment.skip.weight
-        yield "treatment1.bias", treatment.layer1.bias
+    for name, tensor in policy.action_net.named_parameters():
+        layer, _, weight = name.partition(".")
+        second = {"layer1": "mean", "treatment0": "provider"}.get(layer, "skip")
+        yield (f"{layer}.{second}" if weight == "second.weight" else name), tensor
 
 
 def _initialise(layer: nn.Linear, scale: float) -> None:
@@ -333,3 +297,5 @@ def _initialise(layer: nn.Linear, scale: float) -> None:
     nn.init.normal_(layer.weight, std=scale * layer.in_features**-0.5)
     if layer.bias is not None:
         nn.init.zeros_(layer.bias)
+    if isinstance(layer, TwoInputs):
+        _initialise(layer.second, scale)

@@ -11,12 +11,12 @@ from roletrust_agents.planning import exact, grid
 from roletrust_agents.planning.exact import Damage, Exploit, optimal_provider, optimal_rater
 from roletrust_env import make_scenario
 
-QUICK = {"levels": 48, "points": 48}
+QUICK = {"cells": 48}
 
 
 @pytest.fixture(scope="module")
 def provider():
-    return optimal_provider(certain(200), levels=100, points=100)
+    return optimal_provider(certain(200), cells=100)
 
 
 @pytest.fixture(scope="module")
@@ -48,11 +48,9 @@ def test_other_worlds_score_the_same_in_the_game(
 ):
     agents = [{"role": "SR", "count": raters}, {"role": "SP", "count": 2}]
     world = certain(15, agents=agents, lam=lam, initial_trust=initial_trust)
-    best = optimal_provider(world, levels=12, points=12)
+    best = optimal_provider(world, cells=12)
     assert exploit(world, best.actions) == pytest.approx(best.score, abs=1e-12)
-    best = optimal_rater(
-        world, compromised=liars, weight=weight, tolerance=tolerance, levels=12, points=12
-    )
+    best = optimal_rater(world, compromised=liars, weight=weight, tolerance=tolerance, cells=12)
     assert damage(world, best.actions, liars, weight, tolerance) == pytest.approx(
         best.score, abs=1e-12
     )
@@ -142,7 +140,7 @@ def test_lies_that_differ_between_providers_do_more(rater):
 def test_rater_without_stealth_rates_zero():
     """Rating 0 makes every QoP as low as it can be: it is the optimum by proof, so the error must
     be none."""
-    best = optimal_rater(certain(200), weight=0.0, levels=20, points=20)
+    best = optimal_rater(certain(200), weight=0.0, cells=20)
     assert (best.actions[1:] == 0).all()
     assert best.actions[0] == 1
     assert best.error < 1e-12
@@ -174,15 +172,15 @@ def test_more_points_lower_the_providers_value_to_what_is_reached():
 
 @pytest.mark.parametrize("task", TASKS)
 def test_refining_the_grid_mends_the_error_and_never_the_score(task):
-    found = [grid.solve(task, levels=n, points=n) for n in (8, 24, 72)]
-    errors, totals = [f.error for f in found], [f.total for f in found]
+    found = [grid.solve(task, cells) for cells in (8, 24, 72)]
+    errors, scores = [f.error for f in found], [f.score for f in found]
     assert errors == sorted(errors, reverse=True)
-    assert errors[-1] < 0.01 * totals[-1]
+    assert errors[-1] < 0.01 * scores[-1]
     # The score of a coarse grid is reached too, so the fine grid's error must cover what the coarse
     # one missed.
     for coarse in found:
-        assert totals[-1] - 1e-5 <= coarse.total + coarse.error + 1e-5
-        assert coarse.total <= totals[-1] + errors[-1]
+        assert scores[-1] - 1e-6 <= coarse.score + coarse.error
+        assert coarse.score <= scores[-1] + errors[-1]
 
 
 @pytest.mark.parametrize("task", TASKS)
@@ -217,11 +215,10 @@ def test_scenarios_with_luck_are_refused(changes, word):
             optimal(certain(20).change(**changes))
 
 
-@pytest.mark.parametrize("name", ["levels", "points"])
 @pytest.mark.parametrize("cells", [0, -4, 3, 10, 8.0])
-def test_grids_that_cannot_be_halved_twice_are_refused(name, cells):
-    with refuses(ValueError, name, cells):
-        optimal_provider(certain(5), **{name: cells})
+def test_grids_that_cannot_be_halved_twice_are_refused(cells):
+    with refuses(ValueError, "cells", cells):
+        optimal_provider(certain(5), cells=cells)
 
 
 @pytest.mark.parametrize(
