@@ -414,7 +414,7 @@ def searches() -> Iterator[Case]:
         "objective": "exploit",
     }
     certain = {**alone, "noise": 0.0, "perturbations": ()}
-    budgets = {"SAC": 3_000, "evolution": 80_000, "evolution strategy": 40_000, "gradients": 2_000}
+    budgets = {"SAC": 3_000, "evolution": 80_000, "evolution strategy": 40_000}
     for name in search_names():
         for task, arguments in (("crowd", crowd), ("alone", alone), ("certain", certain)):
             yield (

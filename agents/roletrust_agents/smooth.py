@@ -1,5 +1,4 @@
-"""Games that are smooth enough for gradients: a smooth root, and consumers that choose almost the
-most trusted.
+"""Games that are smooth enough for gradients.
 
 The games are on torch, so that a backward pass through a whole game gives the gradient of all
 decisions in it.
@@ -17,7 +16,6 @@ from roletrust_env.evaluation.measurement import SEARCHED, judged_rollout, rando
 from roletrust_env.evaluation.resources import pairs
 from roletrust_env.evaluation.search import UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.game.game import Game
 from roletrust_env.memory import check_memory
 from roletrust_env.trust import RoleTrust, TrustModel
 from roletrust_env.trust.algorithms import rater_quality
@@ -67,32 +65,6 @@ def check_service(scenario: Scenario) -> None:
         raise UnsuitableError("the camera service is not differentiable")
 
 
-class SmoothTask(AttackTask):
-    """An attack task with the same rules on torch in single precision, for gradients.
-
-    The objective `mislead` has the slope 0 almost everywhere, since consumers go to the most
-    trusted provider. Here a consumer chooses at random, in proportion to exp(trust / temperature).
-
-    Args:
-        task: Task of which it is the copy.
-        temperature: Temperature of the choice of consumers, above 0.
-
-    Raises:
-        UnsuitableError: The service is not differentiable.
-    """
-
-    def __init__(self, task: AttackTask, temperature: float) -> None:
-        import torch
-
-        check_service(task.game.scenario)
-        super().__init__(
-            Game(task.game.scenario, smooth_model(task.game.model), torch.zeros(())),
-            task.compromised,
-            **task.options,
-        )
-        self.temperature = temperature
-
-
 def check_graph(task: AttackTask, attacker: Attacker, games: int) -> None:
     """Refuse games whose gradients do not fit into the memory: a backward pass keeps arrays of all
     rounds.
@@ -136,29 +108,6 @@ def _kept(task: AttackTask, attacker: Attacker) -> int:
             after.append(sum(sizes.values()))
     del graph
     return max(b - a for a, b in pairwise(after)) // _GAMES
-
-
-@contextmanager
-def flat_roots() -> Iterator[None]:
-    """Let every square root of torch have the slope 0 at 0, where it is infinite, and infinity
-    times 0 is NaN.
-
-    Trust models take roots of distances between ratings. Elsewhere roots and slopes are as before.
-    """
-    import torch
-    from torch.overrides import TorchFunctionMode
-
-    class FlatRoots(TorchFunctionMode):
-        def __torch_function__(
-            self, func: Any, types: Any, args: Any = (), kwargs: Any = None
-        ) -> Any:
-            if func in (torch.sqrt, torch.Tensor.sqrt):
-                zero = args[0] == 0
-                return func(torch.where(zero, 1.0, args[0])) * ~zero
-            return func(*args, **(kwargs or {}))
-
-    with FlatRoots():
-        yield
 
 
 @contextmanager

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 
 from roletrust_agents.learned.saved import SavedAttacker, tasks_from_card
-from roletrust_agents.training.adam_training import EvolutionStrategy
 from roletrust_agents.training.coalition_ppo import CoalitionPpoTraining
 from roletrust_agents.training.coalition_training import CoalitionTraining, Validated
 from roletrust_agents.training.evolution import Evolution
-from roletrust_agents.training.gradients import GradientAscent
+from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.runs import (
     Checkpoint,
     CurvePoint,
@@ -25,7 +24,6 @@ from roletrust_agents.training.settings import (
     CoalitionPPOSettings,
     CoalitionSettings,
     EvolutionSettings,
-    GradientSettings,
     StrategySettings,
     make_settings,
 )
@@ -36,7 +34,6 @@ from roletrust_env.game.make_task import Observation
 _KINDS: dict[type[CoalitionSettings], type[CoalitionTraining[Any]]] = {
     EvolutionSettings: Evolution,
     StrategySettings: EvolutionStrategy,
-    GradientSettings: GradientAscent,
     CoalitionPPOSettings: CoalitionPpoTraining,
 }
 

@@ -1,6 +1,4 @@
-"""Trainings of a coalition as search methods with a budget: by evolution, an evolution strategy and
-gradients.
-"""
+"""Trainings of a coalition as search methods with a budget: CMA-ES and an evolution strategy."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -12,14 +10,12 @@ import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSetArchitecture
-from roletrust_agents.training.adam_training import EvolutionStrategy
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats, start_games
 from roletrust_agents.training.evolution import Evolution
-from roletrust_agents.training.gradients import GradientAscent
+from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.settings import (
     CoalitionSettings,
     EvolutionSettings,
-    GradientSettings,
     Start,
     StrategySettings,
     settings_of,
@@ -179,30 +175,3 @@ class EvolutionStrategySearch(CoalitionSearch):
 
     def _words(self, training: EvolutionStrategy) -> str:
         return f"evolution strategy in {training.steps} steps of {2 * self.pairs} candidates"
-
-
-@refuse_unknown_parameters
-@dataclass(frozen=True)
-class GradientSearch(CoalitionSearch):
-    """Gradients through the game for one task, see `GradientAscent`.
-
-    The search knows the trust model, as that of evolution does. The coalition that it finds
-    observes no more than its agents do. For the other attributes see `CoalitionSearch`.
-
-    Attributes:
-        games: Number of games of a step.
-        learning_rate: Initial learning rate.
-        temperature: Temperature of the choice of consumers in the games with gradients.
-    """
-
-    name: str = "gradients"
-    games: int = 16
-    learning_rate: float = 0.01
-    temperature: float = 0.1
-
-    _training = GradientAscent
-    _settings = GradientSettings
-
-    def _words(self, training: GradientAscent) -> str:
-        lost = f", {training.skipped} without a finite gradient" if training.skipped else ""
-        return f"{training.steps} steps along gradients{lost}"

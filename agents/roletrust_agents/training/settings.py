@@ -10,9 +10,7 @@ from roletrust_agents.learned.deep_set import UNITS
 from roletrust_env.errors import suggest, validation_message
 from roletrust_env.parameters import plain
 
-Algo = Literal[
-    "ppo", "sac", "recurrent-ppo", "evolution", "evolution-strategy", "gradients", "coalition-ppo"
-]
+Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution", "evolution-strategy", "coalition-ppo"]
 Start = Literal["universal", "alike", "random"]
 Natural = Annotated[int, Field(ge=1, le=10_000_000)]
 Rate = Annotated[float, Field(gt=0, le=1)]
@@ -137,7 +135,7 @@ class EvolutionSettings(CoalitionSettings):
 
 
 class StrategySettings(CoalitionSettings):
-    """Settings of an evolution strategy, see `roletrust_agents.training.adam_training`."""
+    """Settings of an evolution strategy, see `roletrust_agents.training.evolution_strategy`."""
 
     steps: Natural = 400_000
     games: Natural = 4
@@ -152,24 +150,6 @@ class StrategySettings(CoalitionSettings):
     def step_games(self) -> int:
         """See `CoalitionSettings.step_games`."""
         return 2 * self.pairs * self.games
-
-
-class GradientSettings(CoalitionSettings):
-    """Settings of gradients through the game, see `roletrust_agents.training.gradients`."""
-
-    steps: Natural = 300_000
-    games: Natural = 16
-    learning_rate: Rate = 0.01
-    """Initial learning rate of Adam; it falls to 0 by a half cosine."""
-    temperature: Annotated[float, Field(gt=0, le=10)] = 0.1
-    """Temperature of the choice of consumers by trust, in the games with gradients."""
-    clip: Annotated[float, Field(gt=0, le=1_000_000)] = 1.0
-    """Largest norm of a gradient; a longer one is made shorter."""
-
-    @property
-    def step_games(self) -> int:
-        """See `CoalitionSettings.step_games`."""
-        return self.games
 
 
 class CoalitionPPOSettings(CoalitionSettings):
@@ -210,16 +190,13 @@ class CoalitionPPOSettings(CoalitionSettings):
 
 CoalitionSettingsT = TypeVar("CoalitionSettingsT", bound=CoalitionSettings)
 LearnerSettings = PPOSettings | RecurrentPPOSettings | SACSettings
-Settings = (
-    LearnerSettings | EvolutionSettings | StrategySettings | GradientSettings | CoalitionPPOSettings
-)
+Settings = LearnerSettings | EvolutionSettings | StrategySettings | CoalitionPPOSettings
 _KINDS: dict[str, type[Settings]] = {
     "ppo": PPOSettings,
     "sac": SACSettings,
     "recurrent-ppo": RecurrentPPOSettings,
     "evolution": EvolutionSettings,
     "evolution-strategy": StrategySettings,
-    "gradients": GradientSettings,
     "coalition-ppo": CoalitionPPOSettings,
 }
 

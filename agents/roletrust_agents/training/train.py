@@ -34,7 +34,7 @@ from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import Scenario, make_scenario
 
-_OF_COALITIONS = ("evolution", "evolution-strategy", "gradients", "coalition-PPO")
+_OF_COALITIONS = ("evolution", "evolution-strategy", "coalition-PPO")
 
 _OF_WORLDS = {"objective": "mislead", "consumers": "received"}
 """What the benchmark measures."""
@@ -112,7 +112,7 @@ def train(
     on_report: OnReport | None = None,
     **arguments: Any,
 ) -> Training:
-    """Train an attacker by reinforcement learning, evolution or gradients, and save it.
+    """Train an attacker by reinforcement learning or evolution, and save it.
 
     The folder gets `attacker.json` and `attacker.safetensors`, `curve.csv`, `config.json`, and
     checkpoints; learners of Stable-Baselines3 also write a log for TensorBoard. The score is the

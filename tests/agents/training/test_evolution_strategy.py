@@ -7,13 +7,12 @@ from small_market import TASK, assert_continues, run
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, random_weights
-from roletrust_agents.training.adam_training import EvolutionStrategy, slope_of
 from roletrust_agents.training.coalition_methods import (
     EvolutionSearch,
     EvolutionStrategySearch,
-    GradientSearch,
 )
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
+from roletrust_agents.training.evolution_strategy import EvolutionStrategy, slope_of
 from roletrust_agents.training.settings import StrategySettings
 from roletrust_env.evaluation.attackers import read_record, record_of
 from roletrust_env.evaluation.measurement import HELD_OUT, mean_rewards
@@ -126,7 +125,6 @@ def test_a_search_starts_from_the_best_of_the_known_attacks():
     [
         (EvolutionStrategySearch, {"pairs": 1}, ("pairs", "1")),
         (EvolutionSearch, {"population": 1}, ("population", "1")),
-        (GradientSearch, {"temperature": 0}, ("temperature", "0")),
         (CoalitionPpo, {"gamma": 2}, ("gamma", "2")),
     ],
 )

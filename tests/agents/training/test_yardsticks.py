@@ -39,7 +39,7 @@ def test_no_optimum_is_known_where_there_is_noise_or_another_objective():
 def test_the_optimum_is_above_the_best_script_and_the_best_known_lies_are_those_of_raters():
     exploit = {**CERTAIN, "compromised": ("sp_2",), "objective": "exploit"}
     (optimum,) = known_scores(exploit, seed=0)
-    assert optimum.name == "optimum"
+    assert optimum.name == "exact"
     assert best_script([make_task(**exploit)], games=1, seed=0).score < optimum.score < 1
     (lies,) = known_scores({**CERTAIN, "compromised": ("sr_2",), "objective": "damage"}, seed=0)
     assert lies.name == "best known"
