@@ -18,9 +18,11 @@ Discount = Annotated[float, Field(ge=0, le=1)]
 LogStd = Annotated[float, Field(ge=-10, le=2)]
 
 
-class _Settings(BaseModel):
+class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
+
+class _Settings(_Frozen):
     steps: Natural
     """Number of rounds to train for, over all games, unless `--steps` is given."""
     games: Natural
@@ -85,10 +87,8 @@ class SACSettings(_Settings):
     learning_starts: Natural = 5_000
 
 
-class CoalitionSettings(BaseModel, ABC):
+class CoalitionSettings(_Frozen, ABC):
     """Settings of trainings of a coalition, see `roletrust_agents.training.coalition_training`."""
-
-    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
     steps: Natural
     """Number of rounds to play, over all games, unless `--steps` is given."""

@@ -65,7 +65,9 @@ class Training:
     @property
     def title(self) -> str:
         """Name of the task, the learner and the seed."""
-        return _title(self.attacker.card.task.id, self.attacker.card.training)
+        card = self.attacker.card
+        name = card.task.id.removeprefix("RoleTrust/").removesuffix("-v0")
+        return f"{name}, {card.training.algorithm}, seed {card.training.seed}"
 
     @property
     def script(self) -> Yardstick | None:
@@ -243,8 +245,3 @@ def _model_card(text: str, rules: Scenario) -> ModelCard:
 
 def _is_coalition(algo: str) -> bool:
     return algo in map(str.lower, _OF_COALITIONS)
-
-
-def _title(task_id: str, training: Any) -> str:
-    name = task_id.removeprefix("RoleTrust/").removesuffix("-v0")
-    return f"{name}, {training.algorithm}, seed {training.seed}"
