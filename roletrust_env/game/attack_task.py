@@ -138,7 +138,6 @@ class AttackTask(Frozen):
             of the objective or of the knowledge is unknown.
     """
 
-    temperature = 0.0  # of the choice of consumers, see `game.consumer.buy`
     # of what a blind choice loses, which `mislead` then does not count, see `with_blind_share`
     blind_share = 0.0
 
@@ -345,7 +344,7 @@ class AttackTask(Frozen):
         if self.consumers == "raters":
             return self._bought_by_raters(self.game.known_trust(before), before, actions, after)
         top = self._of_present(self.game.published(before)[1], before)
-        return buy(top, self.game.offered(before, actions, after), temperature=self.temperature)
+        return buy(top, self.game.offered(before, actions, after))
 
     def bought_by_published(self, before: State, actions: Actions, after: State) -> Bought:
         """Return the qualities that the same consumers would have got by published trust. See
@@ -367,9 +366,7 @@ class AttackTask(Frozen):
         """
         present, xp = self.game.present(before), namespace(known)
         offered = xp.broadcast_to(self.game.offered(before, actions, after), known.shape)
-        of_each = buy(
-            self._of_present(known, before), offered, axis=1, temperature=self.temperature
-        )
+        of_each = buy(self._of_present(known, before), offered, axis=1)
         raters = None if present is None else self.game.roster.raters(present)
         return Bought(*(mean_of(part, self._side.honest_raters, raters) for part in of_each))
 

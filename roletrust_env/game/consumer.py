@@ -21,7 +21,7 @@ class Bought(NamedTuple):
     blind: Array
 
 
-def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -> Bought:
+def buy(trust: Array, offered: Array, axis: int = 0) -> Bought:
     """Return the qualities that consumers get from the most trusted of the providers that serve and
     have trust; 0 where there is none. Providers with equal trust are equally likely.
 
@@ -31,8 +31,6 @@ def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -
             have an axis of raters before that of providers, for providers that treat raters
             differently; then the mean over raters counts.
         axis: Axis of the providers.
-        temperature: Above 0, the choice is at random in proportion to exp(trust / temperature),
-            which has a slope for gradients.
 
     Example:
         >>> import numpy as np
@@ -41,17 +39,14 @@ def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -
     """
     xp = namespace(offered)
     if offered.ndim > trust.ndim:
-        of_each = buy(xp.expand_dims(trust, axis=axis), offered, axis + 1, temperature)
+        of_each = buy(xp.expand_dims(trust, axis=axis), offered, axis + 1)
         return Bought(*(xp.mean(part, axis=axis) for part in of_each))
     on_offer = (offered == offered) & (trust == trust)
     quality, known = (
         xp.where(on_offer, offered, 0 * on_offer),
         xp.where(on_offer, trust, 0 * on_offer - 1),
     )
-    highest = xp.max(known, axis=axis, keepdims=True)
-    chosen = (
-        on_offer * xp.exp((known - highest) / temperature) if temperature > 0 else known == highest
-    )
+    chosen = known == xp.max(known, axis=axis, keepdims=True)
     return Bought(
         _mean(quality, chosen, axis), xp.max(quality, axis=axis), _mean(quality, on_offer, axis)
     )

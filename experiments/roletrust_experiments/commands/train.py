@@ -36,8 +36,8 @@ def train(
         str | None,
         typer.Option(
             metavar=NAMED,
-            help="PPO, SAC or recurrent-PPO; for coalitions evolution, evolution-strategy, "
-            "gradients or coalition-PPO. By default PPO, and evolution in the worlds of a suite.",
+            help="PPO, SAC or recurrent-PPO; for coalitions evolution, evolution-strategy "
+            "or coalition-PPO. By default PPO, and evolution in the worlds of a suite.",
         ),
     ] = None,
     model: Annotated[
@@ -54,8 +54,8 @@ def train(
     seed: Seed = 0,
     out: Out = Path("results/train"),
 ) -> None:
-    """Train [bold]an attacker[/] by reinforcement learning, evolution or gradients, and save it to
-    play it anywhere.
+    """Train [bold]an attacker[/] by reinforcement learning or evolution, and save it to play it
+    anywhere.
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/],
     checkpoints, and, except by learners of coalitions, a log for TensorBoard. The score is the mean
