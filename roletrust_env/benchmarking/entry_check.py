@@ -125,7 +125,6 @@ def check_entry(
         check_recorded(attack.record for attack in loaded.replayed)
     searched = any(cell.method == "search" for cell in entry.cells)
     asked = with_models(with_search(loaded) if searched else loaded, [entry.model])
-    asked = asked.model_copy(update={"search": entry.search})
     checks = check_numbers(entry, asked)
     seed = secrets.randbelow(2**31) if seed is None else seed
     drawn = [cell for cell, _ in entry.stored()]
@@ -148,11 +147,15 @@ def check_numbers(entry: Entry, suite: Suite) -> list[Check]:
         entry: Entry to check.
         suite: Suite that it says to be of, with its trust model.
     """
-    same = (entry.suite_sha256, entry.seed) == (suite_hash(suite), suite.worlds.seed)
-    checks = [Check("suite", same, f"{entry.suite} {entry.version}, hash {entry.suite_sha256:.8}")]
+    claimed = entry.suite, entry.version, entry.suite_sha256, entry.seed
+    same = claimed == (suite.name, suite.version, suite_hash(suite), suite.worlds.seed)
+    checks = [Check("suite", same, f"{suite.name} {suite.version}, hash {suite_hash(suite):.8}")]
+    if any(cell.method == "search" for cell in entry.cells):
+        checks.append(Check("budget of searches", entry.search == suite.search, f"{suite.search}"))
     here = model_source(entry.model)
     message = f"{here.made_by}, hash {here.sha256:.8}"
-    checks.append(Check("source", here.sha256 == entry.source.sha256, message))
+    same = (here.made_by, here.sha256) == (entry.source.made_by, entry.source.sha256)
+    checks.append(Check("source", same, message))
     where = "as here" if _as_here(entry) else "others than here: scores may differ by noise"
     checks.append(Check("software and processor", True, where))
     stored = entry.stored()
@@ -162,9 +165,10 @@ def check_numbers(entry: Entry, suite: Suite) -> list[Check]:
     )
     keys = [cell.key for cell, _ in stored]
     twice = sorted({key for key in keys if keys.count(key) > 1})
-    words = f"missing: {missing[0]}" if missing else f"{len(stored)} cells"
-    words = f"twice: {twice[0]}" if twice else words
-    checks.append(Check("completeness", not missing and not twice, words))
+    unknown = sorted(set(keys) - wanted)
+    faults = {"missing": missing, "twice": twice, "not in the suite": unknown}
+    found = [f"{fault}: {cells[0]}" for fault, cells in faults.items() if cells]
+    checks.append(Check("completeness", not found, (found or [f"{len(stored)} cells"])[0]))
     wrong = [cell.key for cell, result in stored if not _consistent(suite, result)]
     words = f"wrong: {wrong[0]}" if wrong else "scores in their ranges, the worst attack measured"
     checks.append(Check("consistency", not wrong, words))
@@ -172,8 +176,8 @@ def check_numbers(entry: Entry, suite: Suite) -> list[Check]:
 
 
 def _consistent(suite: Suite, result: CellResult) -> bool:
-    """Return whether each attack has its scores in all worlds within their ranges, and exactly the
-    worst one is measured.
+    """Return whether each attack is there once and has its scores in all worlds within their
+    ranges, and exactly the worst one is measured.
     """
     worlds = suite.worlds
     parts = (
@@ -194,7 +198,8 @@ def _consistent(suite: Suite, result: CellResult) -> bool:
         )
         for scores, ranges, number in parts
     )
-    if not fits or any(not row.chosen for row in result.rows):
+    names = [row.attack for row in result.rows]
+    if not fits or len(set(names)) < len(names) or any(not row.chosen for row in result.rows):
         return False
     means = [_mean(row.chosen["skill"]) for row in result.rows]
     measured = [k for k, row in enumerate(result.rows) if row.measured]
@@ -282,13 +287,16 @@ def _compared(cell: Cell, claim: CellResult, here: CellResult, exact: bool) -> C
     if different := sorted(claims.keys() ^ again.keys()):
         return Check(cell.key, False, f"attacks differ: {', '.join(different)}")
     largest = 0.0
+    worst = next((row.measured for row in here.rows if row.measured), {})
     for name, row in claims.items():
-        pairs = [(row.chosen, again[name].chosen)]
-        if row.measured and again[name].measured:
-            pairs.append((row.measured, again[name].measured))
+        # Where two attacks tie, the other one may be measured here.
+        pairs = [(row.chosen, again[name].chosen), (row.measured, again[name].measured or worst)]
         for theirs, ours in pairs:
             for score, values in theirs.items():
-                gap = np.array(values, float) - np.array(ours[score], float)
+                one, other = np.array(values, float), np.array(ours[score], float)
+                if (np.isnan(one) != np.isnan(other)).any():
+                    return Check(cell.key, False, f"{name}, {score}: undefined in other worlds")
+                gap = one - other
                 if not np.isnan(gap).all():
                     largest = max(largest, float(np.nanmax(abs(gap))))
                 if _significant(gap) or (exact and largest > ROUNDING):

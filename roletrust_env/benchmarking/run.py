@@ -151,6 +151,8 @@ def benchmark_learners(
         ['random search']
     """
     loaded = _loaded(suite, LearnersSuite, "benchmark")
+    if isinstance(learners, list | tuple) and not learners:
+        raise ValueError("learners is empty; None means those of the suite")
     named = [learners] if isinstance(learners, str) else [*(learners or ["all"])]
     asked = [part for name in named for part in (loaded.learners if name == "all" else [name])]
     selected = loaded.model_copy(update={"learners": tuple(dict.fromkeys(asked))})

@@ -11,13 +11,14 @@ from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from filelock import FileLock, Timeout
+from filelock import FileLock
 from pydantic import Field, TypeAdapter, ValidationError
 
 from roletrust_env.benchmarking.schema import AnyCell, AttackResult, CellResult, SuiteSchema
 from roletrust_env.benchmarking.sources import hashes
 from roletrust_env.benchmarking.suite_files import AnySuite, read_suite
 from roletrust_env.errors import short, validation_message
+from roletrust_env.storage.files import write_lock
 from roletrust_env.storage.provenance import software
 from roletrust_env.storage.untrusted import UntrustedModel, check_file
 
@@ -91,7 +92,7 @@ class ResultStore:
         try:
             with _readable_errors(path):
                 if suite is not None:
-                    self._lock = _write_lock(path)
+                    self._lock = write_lock(path)
                 mode = "mode=rwc"
                 if suite is None:
                     journals = [
@@ -134,7 +135,7 @@ class ResultStore:
             begun = Path(
                 f"{self.path}.lock"
             ).exists()  # journals of a run that has begun since are its own
-            with suppress(ValueError, OSError), _write_lock(self.path) if begun else nullcontext():
+            with suppress(ValueError, OSError), write_lock(self.path) if begun else nullcontext():
                 for journal in self._stray:
                     journal.unlink(missing_ok=True)
 
@@ -313,19 +314,6 @@ class ResultStore:
                 if file.in_transaction:
                     file.execute("ROLLBACK")
                 raise
-
-
-def _write_lock(path: Path) -> FileLock:
-    """Acquire the lock of the writer."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(f"{path}.lock")
-    try:
-        lock.acquire(timeout=0)
-    except Timeout:
-        raise ValueError(
-            f"another run writes to {path}; wait for it, or give another --out"
-        ) from None
-    return lock
 
 
 def _prepare(file: sqlite3.Connection, suite: SuiteSchema) -> None:

@@ -31,6 +31,7 @@ from roletrust_env.logs.rate import MODEL, Rated, rate
 from roletrust_env.logs.shrinkage import Shrinkage
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.metrics.resampling import RESAMPLES, mean_intervals
+from roletrust_env.parameters import whole_number
 from roletrust_env.randomness import generator
 from roletrust_env.trust.models.central.means import Mean
 
@@ -204,6 +205,8 @@ def audit(
         shrinkage = log.calibration.shrinkage if log.calibration else Shrinkage()
         log = log.whole_log()
     check_log(log)
+    for name_of, number, least in (("top", top, 1), ("targets", targets, 0), ("budget", budget, 1)):
+        whole_number(name_of, number, least)
     if prices.day and every is None:
         raise ValueError(
             f"prices.day is {prices.day:g}; without the length of a round it must be 0"

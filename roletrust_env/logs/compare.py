@@ -127,7 +127,7 @@ class Comparison(NamedTuple):
 
 def compare(
     log: Log,
-    models: Sequence[str] = (),
+    models: str | Sequence[str] = (),
     *,
     every: float = MONTH,
     seed: int = 0,
@@ -144,7 +144,7 @@ def compare(
 
     Args:
         log: Log with times.
-        models: Names of the models; all central ones and `LOG_MODELS` if there are none.
+        models: Name of a model, or several; all central ones and `LOG_MODELS` if there are none.
         every: Length of a round in seconds.
         seed: Random seed of resamples and draws.
         keep: Function that is called with all measures so far after each model.
@@ -165,6 +165,7 @@ def compare(
         'beta'
     """
     check_log(log)
+    models = [models] if isinstance(models, str) else models
     made = {name: make_log_model(name) for name in models or default_models()}
     rows, left_out, evaluated = list[Row](), list[str](), dict[str, Evaluated]()
     for done, (name, model) in enumerate(made.items()):

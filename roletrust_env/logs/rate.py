@@ -295,7 +295,8 @@ def rate(
     another in a round count as one, their mean.
 
     Args:
-        source: Path, data frame, mapping of columns, or `Log`, see `read`.
+        source: Path, data frame, mapping of columns, or `Log`, see `read`. Of a `Log`, names of
+            columns, scale and reading have no effect, since it is read already.
         rater: Name of the column of the rater.
         ratee: Name of the column of the rated agent.
         rating: Name of the column of the rating.

@@ -171,3 +171,22 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return "" if value != value else f"{value:.6f}"
     return "" if value is None else str(value)
+
+
+def write_lock(path: Path) -> Any:
+    """Acquire the lock of the only writer of a file or a folder: the file `PATH.lock`.
+
+    Raises:
+        ValueError: Another process holds it.
+    """
+    from filelock import FileLock, Timeout
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(f"{path}.lock")
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise ValueError(
+            f"another run writes to {path}; wait for it, or give another --out"
+        ) from None
+    return lock

@@ -595,4 +595,6 @@ def main(text: str, *offered: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:] or [""])
+    if not sys.argv[1:] or sys.argv[1].startswith("-"):
+        sys.exit("usage: python -m roletrust_env.trust.remote MODEL [NAME=VALUE ...]")
+    main(*sys.argv[1:])

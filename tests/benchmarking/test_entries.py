@@ -160,6 +160,65 @@ def test_replayed_cells_are_equal_and_false_scores_are_found(entry: Entry) -> No
     assert not any(check.ok for check in replay_entry(false, SUITE, cells, pool))
 
 
+def test_an_attack_is_there_once_in_a_cell(entry: Entry) -> None:
+    """Else the last row of its name would be compared, and the first one counted."""
+
+    def doubled(data: Any) -> None:
+        attacks = data["cells"][-1]["attacks"]
+        attacks.append({**attacks[0], "measured": {}})
+
+    assert not verdicts(changed(entry, doubled))["consistency"]
+
+
+def test_worlds_that_are_left_out_and_other_measured_attacks_are_found(entry: Entry) -> None:
+    cells = [cell for cell, _ in entry.stored() if cell.method == "scripts"]
+    pool = LocalPool(1, records=records_of(entry), keep=True)
+
+    def without_the_worst(data: Any) -> None:
+        for cell in data["cells"]:
+            for attack in cell["attacks"]:
+                if skill := attack["measured"].get("skill"):
+                    skill[skill.index(min(skill))] = None
+
+    def other_attack(data: Any) -> None:
+        data["processor"] = "another"
+        for cell in data["cells"]:
+            worst = next(one for one in cell["attacks"] if one["measured"])
+            for other in cell["attacks"]:
+                if other is not worst:
+                    ones = {name: [1.0] * len(v) for name, v in worst["measured"].items()}
+                    other["measured"], worst["measured"] = ones, {}
+                    break
+
+    for change in (without_the_worst, other_attack):
+        found = replay_entry(changed(entry, change), SUITE, cells, pool)
+        assert not any(check.ok for check in found)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "subject"),
+    [
+        ("version", "9.9", "suite"),
+        ("suite", "another", "suite"),
+        ("search", {"candidates": 1, "games": 1, "starts": 1}, "budget of searches"),
+    ],
+)
+def test_what_an_entry_says_of_itself_is_compared(
+    entry: Entry, field: str, value: Any, subject: str
+) -> None:
+    def said(data: Any) -> None:
+        data[field] = value
+
+    assert not verdicts(changed(entry, said))[subject]
+
+
+def test_a_cell_that_the_suite_has_not_is_found(entry: Entry) -> None:
+    def further(data: Any) -> None:
+        data["cells"].append({**data["cells"][0], "setting": "nowhere"})
+
+    assert not verdicts(changed(entry, further))["completeness"]
+
+
 def test_a_higher_skill_than_in_other_worlds_is_found(entry: Entry) -> None:
     def memorised(data: Any) -> None:
         for cell in data["cells"]:

@@ -28,7 +28,7 @@ from roletrust_env.envs.attack_env import TASKS, find_task
 from roletrust_env.errors import suggest, validation_message
 from roletrust_env.evaluation.specs import parse_parameters, read_trust_model
 from roletrust_env.parameters import whole_number
-from roletrust_env.storage.files import write_csv
+from roletrust_env.storage.files import write_csv, write_lock
 from roletrust_env.storage.markdown import markdown_table, plain
 from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
@@ -156,7 +156,9 @@ def train(
     """
     torch.set_num_threads(1)  # networks of this size gain little from two
     of_worlds = ":" in task
-    name, settings = parse_parameters(learner or ("evolution" if of_worlds else "PPO"))
+    name, settings = parse_parameters(
+        ("evolution" if of_worlds else "PPO") if learner is None else learner
+    )
     algo: Any = name.lower().replace(" ", "-")
     if algo not in map(str.lower, LEARNERS):
         raise ValueError(f"unknown learner {name!r}{suggest(name, LEARNERS)}")
@@ -209,12 +211,13 @@ def _train(run: Run, folder: RunFolder, on_report: OnReport) -> Training:
         run = run.model_copy(update={"engine": fastest_engine(task)})
     run = folder.run(run)
     folder.prepare()
-    if folder.config() is None:
-        about = {"run": run.model_dump(mode="json"), "learner_packages": versions()}
-        folder.begin({"command": "roletrust train", **about, **provenance(task.game, run.seed)})
-    attacker, curve = learner.train(run, folder, on_report)
-    write_csv(folder.path / "curve.csv", CurvePoint._fields, curve)
-    save_attacker(attacker, folder.path / "attacker", write_bytes)
+    with write_lock(folder.path / "checkpoints"):
+        if folder.config() is None:
+            about = {"run": run.model_dump(mode="json"), "learner_packages": versions()}
+            folder.begin({"command": "roletrust train", **about, **provenance(task.game, run.seed)})
+        attacker, curve = learner.train(run, folder, on_report)
+        write_csv(folder.path / "curve.csv", CurvePoint._fields, curve)
+        save_attacker(attacker, folder.path / "attacker", write_bytes)
     completed = attacker.card.training.steps == run.steps
     return Training(attacker, curve, yardsticks.yardsticks(attacker), folder.path, completed)
 

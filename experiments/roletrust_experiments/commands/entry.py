@@ -47,6 +47,8 @@ def pack(
     require("an entry", "train", "scipy", "cma")
     from roletrust_env.benchmarking.entries import pack_entry
 
+    if file.resolve() == results.resolve():
+        raise ValueError(f"{file} would replace the results")
     packed = pack_entry(results, model)
     packed.write(file)
     tell(f"Written: {file}, {len(packed.cells):,} cells")

@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from roletrust_env.evaluation.specs import parse_settings
 from roletrust_env.storage.files import prepare_folder
 from roletrust_experiments.commands.console import (
     console,
@@ -16,7 +15,7 @@ from roletrust_experiments.commands.console import (
     stages,
     tell,
 )
-from roletrust_experiments.commands.options import Out, Seed, SettingsOption
+from roletrust_experiments.commands.options import Out, Seed, SettingsOption, further_arguments
 from roletrust_experiments.paper.claims import VERDICTS, Claim
 from roletrust_experiments.paper.figures import PaperScenario
 from roletrust_experiments.paper.figures import figures as measure_figures
@@ -64,7 +63,7 @@ def figures(
     """
     from roletrust_experiments.plots.paper import write_figures
 
-    changes = parse_settings(settings or [])
+    changes = further_arguments(settings, measure_figures)
     prepare_folder(out)
     with progress_bar(counted=False) as progress:
         found = measure_figures(scenario, seed=seed, advance=stages(progress), **changes)

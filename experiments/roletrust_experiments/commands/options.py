@@ -1,6 +1,7 @@
 """Options that several commands share, each with one spelling and one help text."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -39,6 +40,19 @@ def keyword_option(flag: str, keywords: Mapping[str, str]) -> Any:
     """
     listed = "; ".join(f"{name}: {meaning}" for name, meaning in keywords.items())
     return typer.Option(flag, metavar="KEY=VALUE", help=f"Repeat for more. {listed}.")
+
+
+def further_arguments(texts: Sequence[str] | None, function: Callable[..., Any]) -> dict[str, Any]:
+    """Return the values of `--set` by name, for a function that takes further arguments.
+
+    Raises:
+        ValueError: A text has another form, occurs twice, or names an argument of the function that
+            has an option of its own.
+    """
+    given = parse_settings(texts or ())
+    for name in set(given) & set(inspect.signature(function).parameters):
+        raise ValueError(f"--set has {name!r}, which is an argument or option of its own")
+    return given
 
 
 def parse_keywords(

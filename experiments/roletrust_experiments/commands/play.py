@@ -8,7 +8,6 @@ import typer
 from rich.markup import escape
 
 from roletrust_env.evaluation.games import play as play_games
-from roletrust_env.evaluation.specs import parse_settings
 from roletrust_env.storage.files import prepare_folder
 from roletrust_experiments.commands.console import (
     console,
@@ -20,7 +19,13 @@ from roletrust_experiments.commands.console import (
     tell,
 )
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import NAMED, OWN, Seed, SettingsOption
+from roletrust_experiments.commands.options import (
+    NAMED,
+    OWN,
+    Seed,
+    SettingsOption,
+    further_arguments,
+)
 from roletrust_experiments.plots.curves import curve_figure
 from roletrust_experiments.plots.figure_files import write_figure
 
@@ -60,7 +65,8 @@ def play(
     as_json: Annotated[
         bool,
         typer.Option(
-            "--json", help="Print results.json and nothing else, and write files only with --out."
+            "--json",
+            help="Print results.json and nothing else, and write files only with --out or --video.",
         ),
     ] = False,
 ) -> None:
@@ -110,6 +116,7 @@ def play(
     """
     if video:
         require("--video", "video", "imageio", "imageio_ffmpeg")
+    changes = further_arguments(settings, play_games)
     if out is not None:
         prepare_folder(out)
     aside = errors if as_json else console
@@ -121,7 +128,7 @@ def play(
             games=games,
             seed=seed,
             advance=stages(progress),
-            **parse_settings(settings or []),
+            **changes,
         )
         written = []
         if out is None and (video or not as_json):

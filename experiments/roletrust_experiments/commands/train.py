@@ -7,7 +7,13 @@ import typer
 
 from roletrust_experiments.commands.console import errors, progress_bar, tell
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import NAMED, Out, Seed, keyword_option
+from roletrust_experiments.commands.options import (
+    NAMED,
+    Out,
+    Seed,
+    further_arguments,
+    keyword_option,
+)
 from roletrust_experiments.plots.figure_files import write_figure
 
 if TYPE_CHECKING:
@@ -20,7 +26,7 @@ _TASK = {
     "accomplices": "providers of promote",
     "stealth": "price of a trust gap, such as {weight = 2.0}",
     "knowledge": "black_box, grey_box or white_box",
-    "consumers": "public or raters",
+    "consumers": "public, raters or received",
 }
 
 
@@ -81,12 +87,9 @@ def train(
     packages = "torch", "stable_baselines3", "sb3_contrib", "safetensors", "tensorboard"
     require("training", "train", *packages)
     from roletrust_agents.training.train import train as train_attacker
-    from roletrust_env.evaluation.specs import parse_settings
     from roletrust_experiments.plots.learners import learning_figure
 
-    arguments = parse_settings(settings or ())
-    if options := sorted({"task", "learner", "steps", "model", "seed", "out"} & set(arguments)):
-        raise ValueError(f"--set has {options[0]!r}, which is an argument or option of its own")
+    arguments = further_arguments(settings, train_attacker)
     with progress_bar() as progress:
         job = progress.add_task(task, total=steps)
 

@@ -46,6 +46,8 @@ def report(
     """
     given = [results] if isinstance(results, str | Path) else results
     paths, out = [Path(one) for one in given], Path(out)
+    if not paths:
+        raise ValueError("results is empty; it must be a results.sqlite, or two")
     for path in paths:
         check_unicode("the path of the results", str(path))  # which the page shows
     content = read(paths)
