@@ -149,7 +149,10 @@ def check_numbers(entry: Entry, suite: Suite) -> list[Check]:
     """
     claimed = entry.suite, entry.version, entry.suite_sha256, entry.seed
     same = claimed == (suite.name, suite.version, suite_hash(suite), suite.worlds.seed)
-    checks = [Check("suite", same, f"{suite.name} {suite.version}, hash {suite_hash(suite):.8}")]
+    message = f"{entry.suite} {entry.version}, hash {entry.suite_sha256:.8}"
+    if not same:
+        message += f"; checked with {suite.name} {suite.version}, hash {suite_hash(suite):.8}"
+    checks = [Check("suite", same, message)]
     if any(cell.method == "search" for cell in entry.cells):
         checks.append(Check("budget of searches", entry.search == suite.search, f"{suite.search}"))
     here = model_source(entry.model)

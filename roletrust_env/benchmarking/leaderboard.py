@@ -395,12 +395,13 @@ def _worst_cases(
         measured = [attack for attack in attacks if attack[1].measured]
         cell, row = min(measured, key=lambda attack: _mean(attack[1].chosen["skill"]))
         starts = [row for cell, row in attacks if cell.method == "search"]
+        unknown = [np.nan] * len(row.measured["skill"])  # scores that are newer than the run
         cases[key] = WorstCase(
             row.attack,
             row.words,
             cell.method,
             row.record,
-            {name: np.array(values, np.float64) for name, values in row.measured.items()},
+            {name: np.array(row.measured.get(name, unknown), np.float64) for name in SCORES},
             row.by_round,
             max((_last_gain(start) for start in starts), default=np.nan),
             _disagreement([_mean(start.chosen["skill"]) for start in starts]),

@@ -11,7 +11,7 @@ from roletrust_env.benchmarking.entrants import Entrant, name_entrants, pack, te
 from roletrust_env.benchmarking.entries import published_cells
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.learner_board import LearnerBoard
-from roletrust_env.benchmarking.learners.learner import is_search, make_search_method, registry
+from roletrust_env.benchmarking.learners.learner import make_search_method, registry
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
@@ -26,6 +26,7 @@ from roletrust_env.benchmarking.suite import (
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite
 from roletrust_env.evaluation.agreed import check_recorded
 from roletrust_env.evaluation.attackers import Attacker
+from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed, parse_kinds
 from roletrust_env.game.policy import registry as attackers_registry
 from roletrust_env.parameters import truth_value, whole_number
@@ -173,7 +174,9 @@ def check_suite_installed(suite: AnySuite) -> None:
         ValueError: It names one.
     """
     if isinstance(suite, LearnersSuite):
-        check_installed(registry, [name for name in suite.learners if not is_search(name)])
+        known = search_methods.names()
+        names = [name for name in suite.learners if name.partition(":")[0] not in known]
+        check_installed(registry, names)
         return
     check_installed(trust_models, suite.models)
     check_installed(attackers_registry, (*suite.attacks, *suite.usual.values()))

@@ -199,18 +199,23 @@ class ResultStore:
         return found_cells
 
     def _has_scores(self, row: AttackResult) -> bool:
-        """Return whether an attack has the scores of the suite, each for the same games and within
-        its range. An attack that was chosen from may lack the measured ones.
+        """Return whether an attack has scores of the suite, each for the same games and within its
+        range. An attack that was chosen from may lack the measured ones, and a stored run the
+        scores that are newer than itself.
         """
         parts = [(row.chosen, self.suite.chosen_scores)]
         if row.measured or not row.chosen:
             parts.append((row.measured, self.suite.measured_scores))
-        sizes = [{len(part.get(name, ())) for name in ranges} for part, ranges in parts]
-        return all(len(lengths) <= 1 and 0 not in lengths for lengths in sizes) and all(
+        sizes = [{len(part[name]) for name in ranges if name in part} for part, ranges in parts]
+        if any(name not in part for part, ranges in parts for name in list(ranges)[:1]):
+            return False  # the score by which attacks are chosen
+        wanted = [int(bool(ranges)) for _, ranges in parts]
+        sized = [len(lengths) for lengths in sizes] == wanted and not any(0 in s for s in sizes)
+        return sized and all(
             value is None or low - _ROUNDING <= value <= high + _ROUNDING
             for part, ranges in parts
             for name, (low, high) in ranges.items()
-            for value in part[name]
+            for value in part.get(name, ())
         )
 
     def _tables(self) -> int:

@@ -129,7 +129,7 @@ class Suite(SuiteSchema):
     )
     chosen_scores: ClassVar = {"skill": RANGES["skill"]}
     measured_scores: ClassVar = RANGES
-    kind: Literal["closed-loop"]
+    kind: Literal["closed-loop"] = "closed-loop"
     """Type of the suite."""
     version: str = ""
     """Version of the suite. Numbers of different versions do not compare."""

@@ -136,8 +136,7 @@ class Results:
         many = "one game"
         if self.games > 1:
             many = f"mean of {self.games} games ± half the 95% confidence interval, rounded up"
-        when = "when the attack has begun" if self.attackers else "after the first rounds"
-        lines = [f"{many}; lowest trust: of the group's mean, from round {since} on, {when}"]
+        lines = [f"{many}; lowest trust: the least mean trust of the group from round {since} on"]
         models = [each for each in self.played if not each.joint_policy.game.model.rates_raters]
         if unrated := ", ".join(each.model for each in models):
             lines.append(
@@ -206,9 +205,12 @@ def play(
     whole_number("seed", seed)
     rules = make_scenario(scenario)
     rules = rules.change(**changes) if changes else rules
-    models = [model] if isinstance(model, str) else list(model)
-    if not models or len(set(models)) < len(models):
-        raise ValueError(f"model is {models}; it must name one trust model, or several, each once")
+    models: list[Any] = list(model) if isinstance(model, list | tuple) else [model]
+    texts = {text for text in models if isinstance(text, str)}
+    if not models or len(texts) < len(models):
+        raise ValueError(
+            f"model is {model!r}; it must be NAME[:key=value,...], or several, each once"
+        )
     if isinstance(attacks, Mapping):
         attackers = dict(attacks)
     else:

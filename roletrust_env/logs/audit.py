@@ -25,6 +25,7 @@ from roletrust_env.logs.audit_ranking import (
     Sent,
 )
 from roletrust_env.logs.audit_search import Search, search_attacks
+from roletrust_env.logs.compare import MONTH
 from roletrust_env.logs.log import Log, check_log
 from roletrust_env.logs.models import AllTimeMean, make_log_model
 from roletrust_env.logs.rate import MODEL, Rated, rate
@@ -150,7 +151,7 @@ def audit(
     log: Log | Rated,
     *,
     model: Any = MODEL,
-    every: float | None = None,
+    every: float | None = MONTH,
     shrinkage: Shrinkage | None = None,
     prices: Prices = Prices(),  # noqa: B008 - immutable
     top: int = 10,
@@ -171,7 +172,7 @@ def audit(
     Args:
         log: Log; or a `Rated`, whose log, model, rounds and shrinkage are taken.
         model: Trust model, or its name, see `make_log_model`.
-        every: Length of a round in seconds; None for a single round.
+        every: Length of a round in seconds, by default 30 days; None for a single round.
         shrinkage: How trust is drawn to a mean before agents are ranked; None: as by `rate`.
         prices: Prices of accounts, ratings and days.
         top: Number of agents in the top.

@@ -80,5 +80,5 @@ def _refusal(source: Source, why: str) -> str:
     return (
         f"{source.name}: {why}. Its rows are: {shown}. Name the columns: "
         "rater=..., ratee=..., rating=..., time=...; if the first row has no names, header=false "
-        "and numbers from 1"
+        "and numbers from 1 (on the command line --set rater=...)"
     )

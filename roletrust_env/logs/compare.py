@@ -166,6 +166,8 @@ def compare(
     """
     check_log(log)
     models = [models] if isinstance(models, str) else models
+    if wrong := [model for model in models if not isinstance(model, str)]:
+        raise ValueError(f"models has {wrong[0]!r}; it must have names, also package.module:Class")
     made = {name: make_log_model(name) for name in models or default_models()}
     rows, left_out, evaluated = list[Row](), list[str](), dict[str, Evaluated]()
     for done, (name, model) in enumerate(made.items()):

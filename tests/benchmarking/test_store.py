@@ -242,7 +242,7 @@ def test_other_and_damaged_files_are_refused_and_unchanged(tmp_path, writing):
         "UPDATE facts SET value = '[1]' WHERE name = 'suite'",
         "UPDATE facts SET value = '[]' WHERE name = 'sources'",
         "UPDATE attacks SET chosen = '{}'",
-        "UPDATE attacks SET measured = json_remove(measured, '$.brier')",
+        "UPDATE attacks SET measured = json_remove(measured, '$.skill')",
         "UPDATE attacks SET measured = json_remove(measured, '$.regret[0]')",
         "UPDATE attacks SET measured = json_set(measured, '$.skill[0]', 1e300)",
         "UPDATE attacks SET measured = json_set(measured, '$.brier[0]', 1.7)",

@@ -32,3 +32,17 @@ def test_a_score_is_one_row(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
         entry = Entry.of(store, "mean")
     measured = [attack.measured for cell in entry.cells for attack in cell.attacks]
     assert all({"again", "got", "never"} <= scores.keys() for scores in measured if scores)
+
+
+def test_a_run_that_was_stored_before_a_score_opens(
+    monkeypatch: pytest.MonkeyPatch, tmp_path
+) -> None:
+    suite = tiny(methods=["scripts"], models=["mean"])
+    play_suite(suite, InProcess(), out=tmp_path)
+    brier = SCORES["brier"]._replace(name="later")
+    monkeypatch.setitem(SCORES, "later", brier)
+    monkeypatch.setitem(RANGES, "later", (0.0, 1.0))
+    board = Leaderboard.read(tmp_path / "results.sqlite")
+    for case in board.worst_cases.values():
+        assert np.isnan(case.scores["later"]).all()
+        assert not np.isnan(case.scores["brier"]).any()

@@ -346,7 +346,10 @@ def test_what_cannot_be_audited_is_refused(log: Log):
     with refuses(TooSmallError, "33", "40"):
         ranking_of(log, top=40)
     with refuses(ValueError, "day", "0.5"):
-        audit(log, prices=Prices(day=0.5))
+        audit(log, prices=Prices(day=0.5), every=None)
+    for name, number in (("top", 0), ("top", 1.5), ("targets", -1), ("budget", 0)):
+        with refuses(ValueError, name, number):
+            audit(log, **{name: number})
     for text, value in (("acount=1", "acount"), ("rating=-1", "-1"), ("day", "day")):
         with refuses(ValueError, value):
             Prices.parsed(text)

@@ -30,7 +30,7 @@ from roletrust_env.evaluation.search import (
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.game.attack_task import AttackTask, TaskState
 from roletrust_env.randomness import Random
-from roletrust_env.registry import Registry
+from roletrust_env.registry import Registry, parse_entry
 
 HONEST_PLAY = "honest play"
 """Name of the reference whose share of the optimum is 0."""
@@ -164,10 +164,22 @@ class LearnedAttacker:
 
 
 def is_search(name: str) -> bool:
-    """Return whether the name of a learner is that of a search method, with parameters or
-    without.
+    """Return whether the name of a learner is that of a search method, with parameters or without;
+    a `package.module:Class` is imported.
+
+    Raises:
+        ValueError: There is no such class.
     """
-    return name.partition(":")[0] in search_methods.names()
+    if name.partition(":")[0] in search_methods.names():
+        return True
+    own = ":" in name and name.partition(":")[0] not in registry.names()
+    return own and callable(getattr(_class_of(name), "search", None))
+
+
+def _class_of(name: str) -> Any:
+    """Return the class `package.module:Class[:key=value,...]`."""
+    entry, own, _ = parse_entry(Registry("learner", registry.group, object), name)
+    return entry.factory(own)
 
 
 def make_search_method(name: str, task_id: str) -> SearchMethod:

@@ -24,7 +24,7 @@ from roletrust_env.benchmarking.schema import (
 )
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.evaluation.measurement import TaskArguments
-from roletrust_env.evaluation.search import UnsuitableError, bounds, find
+from roletrust_env.evaluation.search import UnsuitableError, bounds, find, search_methods
 from roletrust_env.evaluation.specs import named_factory
 from roletrust_env.game.attack_task import Objective
 from roletrust_env.game.make_task import Observation, make_task
@@ -153,8 +153,10 @@ class LearnersSuite(SuiteSchema):
 
     def factories(self) -> dict[str, Callable[..., Any]]:
         """Return the factories of the plug-in learners, by type and name."""
-        plugins = [name for name in self.learners if not is_search(name)]
-        return {f"learner {name}": named_factory(registry, name) for name in plugins}
+        known = search_methods.names()
+        plugins = [name for name in self.learners if name.partition(":")[0] not in known]
+        kinds = {name: search_methods if is_search(name) else registry for name in plugins}
+        return {f"learner {name}": named_factory(kind, name) for name, kind in kinds.items()}
 
     def rules(self, cell: Trial) -> "LearnersSuite":
         """Return all fields that the result of a trial depends on: the whole suite."""

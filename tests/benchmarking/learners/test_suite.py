@@ -146,3 +146,20 @@ def test_evolution_learns_from_scratch_or_says_why_it_cannot():
 def test_an_invalid_suite_is_refused(fields, words):
     with refuses(ValueError, "small", *words):
         small(**fields)
+
+
+def test_a_search_method_is_also_taken_as_a_class():
+    own = {
+        "learners": ["own_search:OnePeriod:period=4"],
+        "budgets": [100],
+        "seeds": [0],
+        "games": 2,
+    }
+    suite = read_suite({**load_suite("learners-quick").model_dump(), **own}, "own")
+    method = make_search_method("own_search:OnePeriod:period=4", "RoleTrust/ProviderAttack-v0")
+    assert (method.name, method.period) == ("one period", 4)
+    assert list(suite.factories()) == ["learner own_search:OnePeriod:period=4"]
+    (trial,) = [cell for cell in suite.cells() if cell.learner in suite.learners][:1]
+    assert play_trial(suite, trial).rows[0].words == "period 4"
+    with refuses(ValueError, "own_search:Nothing"):
+        make_search_method("own_search:Nothing", "RoleTrust/ProviderAttack-v0")
