@@ -22,7 +22,7 @@ from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import student_quantile
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.parameters import whole_number
-from roletrust_env.storage.markdown import markdown_table, plain
+from roletrust_env.storage.markdown import ShownAsMarkdown, markdown_table, plain
 from roletrust_env.storage.provenance import software
 from roletrust_env.trust.model import registry as trust_models
 
@@ -44,8 +44,8 @@ class Check(NamedTuple):
     message: str
 
 
-@dataclass(frozen=True)
-class CheckedEntry:
+@dataclass(frozen=True, repr=False)
+class CheckedEntry(ShownAsMarkdown):
     """Result of `check_entry`.
 
     Attributes:

@@ -19,7 +19,7 @@ from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
-from roletrust_env.storage.markdown import code, markdown_table, plain
+from roletrust_env.storage.markdown import ShownAsMarkdown, code, markdown_table, plain
 
 _MEANING = (
     "Share by the rounds of play: 0 is honest play; interquartile mean of the runs, with its 95% "
@@ -27,8 +27,8 @@ _MEANING = (
 )
 
 
-@dataclass(frozen=True)
-class LearnerBoard:
+@dataclass(frozen=True, repr=False)
+class LearnerBoard(ShownAsMarkdown):
     """Leaderboard of a run of learners.
 
     Attributes:

@@ -23,7 +23,7 @@ from roletrust_env.game.consumer import receive
 from roletrust_env.game.rollout import Round
 from roletrust_env.game.state import State, one_game
 from roletrust_env.metrics.score import mean_or_nan, ratio
-from roletrust_env.storage.markdown import markdown_table, plain
+from roletrust_env.storage.markdown import ShownAsMarkdown, markdown_table, plain
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.scenario import Choice
 
@@ -65,8 +65,8 @@ class Course(NamedTuple):
     sides: tuple[Side, ...]
 
 
-@dataclass(frozen=True)
-class Replay:
+@dataclass(frozen=True, repr=False)
+class Replay(ShownAsMarkdown):
     """The games that measured an attack in a world, and the same games without an attack.
 
     Attributes:

@@ -35,7 +35,7 @@ from roletrust_env.memory import check_memory
 from roletrust_env.metrics.confidence import Estimate, over_games
 from roletrust_env.parameters import whole_number
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
-from roletrust_env.storage.markdown import markdown_table, plain
+from roletrust_env.storage.markdown import ShownAsMarkdown, markdown_table, plain
 from roletrust_env.storage.provenance import describe, describe_policies, provenance
 from roletrust_env.world import Scenario, make_scenario
 
@@ -65,8 +65,8 @@ class Played(NamedTuple):
     metrics: dict[str, Estimate]
 
 
-@dataclass(frozen=True)
-class Results:
+@dataclass(frozen=True, repr=False)
+class Results(ShownAsMarkdown):
     """Results of `play`.
 
     Attributes:

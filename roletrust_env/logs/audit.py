@@ -34,6 +34,7 @@ from roletrust_env.metrics.confidence import Interval
 from roletrust_env.metrics.resampling import RESAMPLES, mean_intervals
 from roletrust_env.parameters import whole_number
 from roletrust_env.randomness import generator
+from roletrust_env.storage.markdown import ShownAsMarkdown, markdown_table, plain
 from roletrust_env.trust.models.central.means import Mean
 
 BORDER = 2
@@ -92,8 +93,8 @@ class CurvePoint:
     pushed: Interval
 
 
-@dataclass(frozen=True)
-class AuditReport:
+@dataclass(frozen=True, repr=False)
+class AuditReport(ShownAsMarkdown):
     """The audit of a trust model on a log.
 
     Medians and curve are of the upper bounds, without the targets at the border of the top where a
@@ -134,6 +135,12 @@ class AuditReport:
     curve: list[CurvePoint]
     version: str
     format: str = "roletrust-audit-2"
+
+    def _repr_markdown_(self) -> str:
+        rows = [(goal, *(f"{value:.4g}" for value in one)) for goal, one in self.medians.items()]
+        title = f"Median prices on {plain(self.model)}, top {self.top} of {self.ranked:,} agents"
+        table = markdown_table(("goal", "median", "low", "high"), rows, 1)
+        return f"{title}\n\n{table}"
 
     @property
     def table(self) -> Any:

@@ -106,6 +106,10 @@ class Comparison(NamedTuple):
     def _repr_markdown_(self) -> str:
         return self.markdown()
 
+    def __repr__(self) -> str:
+        """Return the text that a notebook shows."""
+        return self.markdown()
+
     def markdown(self) -> str:
         """Return the recommendation, and a table of each protocol, as Markdown."""
         best = self.recommended or "no model"

@@ -45,3 +45,14 @@ def code(text: str) -> str:
     if not set(text) & set("`|\n\r"):
         return f"`{text}`"
     return f"<code>{escape(text, quote=False).replace('`', '&#96;').replace('|', '&#124;')}</code>"
+
+
+class ShownAsMarkdown:
+    """Base class of results that Python prints as a notebook shows them."""
+
+    def _repr_markdown_(self) -> str:
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """Return the text that a notebook shows."""
+        return self._repr_markdown_()

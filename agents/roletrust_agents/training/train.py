@@ -29,7 +29,7 @@ from roletrust_env.errors import suggest, validation_message
 from roletrust_env.evaluation.specs import parse_parameters, read_trust_model
 from roletrust_env.parameters import whole_number
 from roletrust_env.storage.files import write_csv, write_lock
-from roletrust_env.storage.markdown import markdown_table, plain
+from roletrust_env.storage.markdown import ShownAsMarkdown, markdown_table, plain
 from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import Scenario, make_scenario
@@ -43,8 +43,8 @@ LEARNERS = ("PPO", "SAC", "recurrent-PPO", *_OF_COALITIONS)
 """Names of the learners; those after the first three train the network of a coalition."""
 
 
-@dataclass(frozen=True)
-class Training:
+@dataclass(frozen=True, repr=False)
+class Training(ShownAsMarkdown):
     """A trained attacker, with its scores.
 
     Attributes:

@@ -12,7 +12,7 @@ from roletrust_env import Game, JointPolicy, Policy, State, make_scenario
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.evaluation.games import Advance, track_curves
-from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.storage.markdown import ShownAsMarkdown, markdown_table
 from roletrust_env.storage.provenance import describe_policies, provenance
 from roletrust_experiments.paper import claims
 
@@ -92,8 +92,8 @@ def loop_note(game: Game) -> str | None:
     )
 
 
-@dataclass(frozen=True)
-class Figures:
+@dataclass(frozen=True, repr=False)
+class Figures(ShownAsMarkdown):
     """The measured Figures 3 and 4.
 
     Attributes:

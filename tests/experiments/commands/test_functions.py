@@ -75,6 +75,8 @@ def test_audit(log: Path, tmp_path: Path) -> None:
     members = read(log, scale=(-10, 10), same_agents=True)
     found = audit(members, model="mean", every=MONTH, top=3, name=log.name)
     assert written == json.loads(found.json())
+    for goal, median in found.medians.items():
+        assert f"| {goal} | {median.value:.4g} |" in repr(found)
 
 
 def test_benchmark(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: None) -> None:
