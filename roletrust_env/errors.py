@@ -62,6 +62,16 @@ def suggest(
     return f"{f'; {hint}' if hint else '.'} {label} {', '.join(names.values()) or 'none'}"
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun.
+
+    Example:
+        >>> counted(1, "round"), counted(2000, "rating")
+        ('1 round', '2,000 ratings')
+    """
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
 def validation_message(error: ValidationError) -> str:
     """Return one line with each wrong field, its value and the values allowed; of many fields, the
     first ones.

@@ -232,6 +232,8 @@ def _refuse_repeats(log: Log, times: Ints, order: Ints | None, row: Row) -> None
 def _warnings(log: Log) -> list[str]:
     """Return what may be wrong with a log."""
     found = list[str]()
+    if len(log.values) < 2:
+        return found
     if (log.values == log.values[0]).all():
         found.append(f"Warning: all {len(log.values):,} ratings are the same.")
     if (log.raters == log.raters[0]).all():

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from roletrust_env.errors import counted
 from roletrust_experiments.commands.console import ALLOW_CODE, console, plain_table, tell
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.group import command_group
@@ -51,7 +52,7 @@ def pack(
         raise ValueError(f"{file} would replace the results")
     packed = pack_entry(results, model)
     packed.write(file)
-    tell(f"Written: {file}, {len(packed.cells):,} cells")
+    tell(f"Written: {file}, {counted(len(packed.cells), 'cell')}")
 
 
 def check(

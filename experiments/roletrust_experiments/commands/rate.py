@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from roletrust_env.errors import counted
 from roletrust_env.logs.explain import find_agent
 from roletrust_env.logs.rate import MODEL, ROLES
 from roletrust_env.logs.rate import rate as rate_log
@@ -133,6 +134,6 @@ def rate(
             written.append(folder / "suspects.csv")
     tell(f"Model {model}{f', {_REASON}' if model == MODEL else ''}.")
     tell(
-        f"{rated.n_ratings:,} ratings in {rated.rounds:,} rounds. Written: "
+        f"{counted(rated.n_ratings, 'rating')} in {counted(rated.rounds, 'round')}. Written: "
         f"{', '.join(map(str, written))}"
     )

@@ -4,6 +4,7 @@ from typing import Any
 
 from rich.table import Table
 
+from roletrust_env.errors import counted
 from roletrust_env.logs.calibration import Calibration
 from roletrust_env.logs.evidence import Role
 from roletrust_env.logs.explain import Explanation
@@ -61,7 +62,7 @@ def explanation_table(explanation: Explanation, scale: tuple[float, float]) -> T
     whose = "its ratings of the agent" if rated else "the agent's ratings of it"
     many = (
         f"{len(explanation.reasons)} of {explanation.n_others:,} {other}s "
-        f"with {explanation.n_ratings:,} ratings."
+        f"with {counted(explanation.n_ratings, 'rating')}."
     )
     caption = (
         f"{many} Others: their mean rating, on the scale of the log. Without: trust, from 0 to 1, "

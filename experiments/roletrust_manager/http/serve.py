@@ -9,6 +9,7 @@ from contextlib import closing
 
 import uvicorn
 
+from roletrust_env.errors import counted
 from roletrust_env.logs.models import make_log_model
 from roletrust_manager.admission.validation import RefusalReason
 from roletrust_manager.http.connections import limited_protocol
@@ -49,15 +50,14 @@ def serve(
         OSError: The port is in use.
     """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # after the store is closed
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with (
         closing(JournalStore(store, name)) as journal,
-        socket.create_server((host, port), family=family, backlog=1024) as listener,
+        _listener(host, port) as listener,
         closing(TrustManager(journal, model, settings, make=make_log_model)) as manager,
     ):
         app, about = make_app(manager), manager.about()
         url = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
-        held = f"{about['agents']:,} agents and {about['ratings']:,} ratings"
+        held = f"{counted(about['agents'], 'agent')} and {counted(about['ratings'], 'rating')}"
         report(f"{manager.name} answers with {model} at {url}, with {held}; Ctrl-C ends it")
         sys.setswitchinterval(_SWITCH_S)
         gc.freeze()  # else each full collection looks at all modules, and all requests wait
@@ -69,3 +69,12 @@ def serve(
             timeout_graceful_shutdown=_END_S,
         )
         uvicorn.Server(config).run(sockets=[listener])
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family, backlog=1024)
+    except OSError as error:
+        why = str(error.strerror).partition(" (")[0]
+        raise OSError(f"port {port} of {host}: {why}; choose another, 0 for any") from None
