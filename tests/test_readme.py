@@ -1,10 +1,11 @@
 """The README in particular: its loop, and its links on a package index."""
 
+import ast
 import importlib.util
 import re
 
 import pytest
-from pages import HOUSE, run
+from pages import HOUSE, blocks, run
 
 README = HOUSE / "README.md"
 
@@ -14,12 +15,11 @@ def said():
     return run(README)
 
 
-def test_the_first_loop_shows_the_liar(said):
-    trust = {agent: info["trust"] for agent, info in said["infos"].items()}
-    assert trust["sr_2"] < trust["sr_0"] < 0.7
-    text = README.read_text(encoding="utf-8")
-    assert f"trusted least, with {trust['sr_2']:.2f}" in text
-    assert f"end at {trust['sp_0']:.2f}, hardly higher" in text
+def test_the_first_loop_prints_what_the_page_shows(said):
+    trust = {agent: round(info["trust"], 2) for agent, info in said["infos"].items()}
+    (shown,) = blocks(README, "text")
+    assert ast.literal_eval(shown) == trust
+    assert trust["sr_2"] < trust["sr_0"]
 
 
 CODE = r"^```.*?^```$|`[^`\n]+`"
@@ -45,7 +45,7 @@ def test_on_a_package_index_links_are_absolute(absolute):
     for shown_text in (shown, without):
         assert re.findall(CODE, shown_text, re.M | re.S) == re.findall(CODE, text, re.M | re.S)
     assert "game.gif" not in without
-    assert "| Tutorials |" in without
+    assert "Tutorials" in without
     assert (
         re.findall(r"\]\((?!https://)[^)#]*\)", re.sub(CODE, "", without, flags=re.M | re.S)) == []
     )
