@@ -145,7 +145,7 @@ def benchmark_learners(
 
     Example:
         >>> from roletrust_env.benchmarking import benchmark_learners, load_suite
-        >>> changes = {"budgets": (200,), "seeds": (0,), "games": 2}
+        >>> changes = {"budgets": (4_000,), "seeds": (0,), "games": 2}
         >>> suite = load_suite("learners-quick").model_copy(update=changes)
         >>> board = benchmark_learners("random search", suite, workers=0, progress=False)
         >>> board.ranking

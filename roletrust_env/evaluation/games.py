@@ -199,7 +199,7 @@ def play(
         >>> from roletrust_env import play
         >>> results = play(attacks=["sr_2=bad-mouthing:start=4"], max_cycles=20)
         >>> round(results.data()["measured"]["role-trust"]["damage"]["3 sp"]["mean"], 3)
-        0.146
+        0.376
     """
     whole_number("games", games, 1)
     whole_number("seed", seed)

@@ -200,12 +200,13 @@ def audit(
     Example:
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
-        >>> from roletrust_env.logs import audit, read, write_log
+        >>> from roletrust_env.logs import read, write_log
+        >>> from roletrust_env.logs.audit import audit
         >>> path = Path(mkdtemp()) / "log.csv.gz"
         >>> write_log(path)
         >>> log = read(path, scale=(-10, 10), same_agents=True)
         >>> audit(log, model="mean", top=3).medians["lift"].value
-        6.0
+        1.3
     """
     title = model if isinstance(model, str) else repr(model)
     if isinstance(log, Rated):

@@ -161,7 +161,8 @@ def compare(
     Example:
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
-        >>> from roletrust_env.logs import compare, read, write_log
+        >>> from roletrust_env.logs import read, write_log
+        >>> from roletrust_env.logs.compare import compare
         >>> path = Path(mkdtemp()) / "log.csv.gz"
         >>> write_log(path)
         >>> log = read(path, scale=(-10, 10), same_agents=True)
